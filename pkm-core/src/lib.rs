@@ -81,6 +81,7 @@ pub mod five_axis;
 pub mod kinematics;
 mod linalg;
 pub mod machine;
+pub mod model;
 pub mod scalar;
 pub mod self_test;
 pub mod stiffness;
@@ -102,6 +103,7 @@ pub use five_axis::{
 };
 pub use kinematics::{KinematicsError, SINGULARITY_MARGIN, SingularityDistance};
 pub use machine::{Machine, MachineError, MachineParameters};
+pub use model::Model;
 pub use scalar::Scalar;
 pub use stiffness::{LoadResponse, Stiffness, StiffnessError, StiffnessFactor, Transmission};
 pub use thermal::{TemperatureError, TemperatureRise};

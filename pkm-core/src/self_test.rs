@@ -12,13 +12,14 @@ use nalgebra::{Vector2, Vector3};
 
 use crate::checksum::{START, over_byte, over_numbers};
 use crate::compensator::{Compensator, CompensatorSettings, Fault, Offset, Reading};
-use crate::correction::CorrectionTable;
 use crate::five_axis::{Configuration, FiveAxis, Tool, ToolMotion};
 use crate::machine::{Machine, MachineParameters};
+use crate::model::Model;
 use crate::scalar::Scalar;
 use crate::tables::reference::{PARAMETERS, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use crate::thermal::TemperatureRise;
 use crate::types::{Pose, Wrench};
+use crate::wrist::Wrist;
 
 /// What does not compute as it should. A fault code for a display is its number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,18 +110,18 @@ fn over<T: Scalar, E>(hash: u64, numbers: Result<&[T], E>) -> u64 {
 }
 
 #[inline(never)]
-fn kinematics<T: Scalar>(five: &FiveAxis<'_, T>, pose: &Pose<T>, hash: u64) -> u64 {
-    let lengths = five.machine.inverse(pose);
-    let back = lengths.and_then(|lengths| five.machine.forward(&lengths));
+fn kinematics<T: Scalar>(machine: &Machine<T>, pose: &Pose<T>, hash: u64) -> u64 {
+    let lengths = machine.inverse(pose);
+    let back = lengths.and_then(|lengths| machine.forward(&lengths));
     let hash = over(hash, lengths.as_ref().map(|lengths| lengths.q_m.as_slice()));
     over(hash, back.map(|pose| [pose.theta_rad, pose.sigma_rad, pose.z0_m]).as_ref().map(|pose| &pose[..]))
 }
 
 #[inline(never)]
-fn stiffness<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, pose: &Pose<T>, hash: u64) -> u64 {
+fn stiffness<T: Scalar>(model: &Model<'_, T>, pose: &Pose<T>, hash: u64) -> u64 {
     let wrench = Wrench::from_vector(WRENCH.map(T::from_f64).into());
     let tip = TIP_M.map(T::from_f64).into();
-    let cycle = &table.cycle(five.machine, pose, &wrench, tip);
+    let cycle = &model.table.cycle(model.machine, pose, &wrench, tip);
     let hash = over(hash, cycle.as_ref().map(|cycle| cycle.deflection.translation_m.as_slice()));
     let hash = over(hash, cycle.as_ref().map(|cycle| cycle.deflection.rotation_rad.as_slice()));
     over(hash, cycle.as_ref().map(|cycle| cycle.compensated.lengths.q_m.as_slice()))
@@ -163,40 +164,33 @@ fn begin<T: Scalar, const JOINTS: usize>(memory: &mut Option<Compensator<T, JOIN
 }
 
 #[inline(never)]
-fn screws<T: Scalar>(
-    five: &FiveAxis<'_, T>,
-    table: &CorrectionTable<'_, T>,
-    memory: &mut Option<Compensator<T, 3>>,
-    reading: &Reading<T>,
-) -> u64 {
+fn screws<T: Scalar>(model: &Model<'_, T>, memory: &mut Option<Compensator<T, 3>>, reading: &Reading<T>) -> u64 {
     let Some(compensator) = memory else { return 0 };
     let tip_m = TIP_M.map(T::from_f64).into();
-    offsets(START, |pose| compensator.update(table, five.machine, pose, tip_m, reading))
+    offsets(START, |pose| compensator.update(model, pose, tip_m, reading))
 }
 
 #[inline(never)]
 fn axes<T: Scalar>(
-    five: &FiveAxis<'_, T>,
-    table: &CorrectionTable<'_, T>,
+    (model, wrist): (&Model<'_, T>, &Wrist<T>),
     memory: &mut Option<Compensator<T, 5>>,
     reading: &Reading<T>,
     hash: u64,
 ) -> u64 {
     let Some(compensator) = memory else { return 0 };
-    offsets(hash, |pose| compensator.update(table, five, &turned(pose), reading))
+    offsets(hash, |pose| compensator.update(model, wrist, &turned(pose), reading))
 }
 
 fn compensators<T: Scalar>(
-    five: &FiveAxis<'_, T>,
-    table: &CorrectionTable<'_, T>,
+    (model, wrist): (&Model<'_, T>, &Wrist<T>),
     memory: &mut SelfTestMemory<T>,
     settings: &CompensatorSettings,
     reading: &Reading<T>,
 ) -> u64 {
     begin(&mut memory.screws, settings);
     begin(&mut memory.axes, settings);
-    let hash = screws(five, table, &mut memory.screws, reading);
-    axes(five, table, &mut memory.axes, reading, hash)
+    let hash = screws(model, &mut memory.screws, reading);
+    axes((model, wrist), &mut memory.axes, reading, hash)
 }
 
 fn reading<T: Scalar>() -> Reading<T> {
@@ -215,15 +209,19 @@ fn turned<T: Scalar>(pose: &Pose<T>) -> Configuration<T> {
     Configuration { pose: *pose, beta_rad: Vector2::new(T::from_f64(0.3), T::from_f64(-0.2)) }
 }
 
+const MODEL_F64: Model<'_, f64> = Model::new(&MACHINE_F64, &TABLE_F64);
+const MODEL_F32: Model<'_, f32> = Model::new(&MACHINE_F32, &TABLE_F32);
+
 /// Checksums of the four parts.
-fn sums<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, memory: &mut SelfTestMemory<T>) -> [u64; 4] {
+fn sums<T: Scalar>(model: &Model<'_, T>, wrist: &Wrist<T>, memory: &mut SelfTestMemory<T>) -> [u64; 4] {
     let [mut a, mut b, mut c] = [START; 3];
     for pose in &POSES {
         // or the compiler would compute it
         let pose = &rounded(black_box(*pose));
-        (a, b, c) = (kinematics(five, pose, a), stiffness(five, table, pose, b), five_axes(five, pose, c));
+        let five = &FiveAxis { machine: model.machine, wrist };
+        (a, b, c) = (kinematics(model.machine, pose, a), stiffness(model, pose, b), five_axes(five, pose, c));
     }
-    [a, b, c, compensators(five, table, memory, black_box(&SETTINGS), &reading())]
+    [a, b, c, compensators((model, wrist), memory, black_box(&SETTINGS), &reading())]
 }
 
 const PARTS: [SelfTestFault; 4] =
@@ -239,9 +237,8 @@ fn compared(found: [u64; 4], known: [u64; 4]) -> Result<(), SelfTestFault> {
 /// # Errors
 /// The first part with other bits.
 pub fn self_test_f64(memory: &mut SelfTestMemory<f64>) -> Result<(), SelfTestFault> {
-    let five = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
     compared(
-        sums(&five, &TABLE_F64, memory),
+        sums(&MODEL_F64, &WRIST_F64, memory),
         [0x21a7_af54_61c6_0ca9, 0xeed0_2494_c638_920a, 0xc3db_05a1_6610_19ab, 0xe6fc_ad8e_dfcf_ed21],
     )
 }
@@ -251,9 +248,8 @@ pub fn self_test_f64(memory: &mut SelfTestMemory<f64>) -> Result<(), SelfTestFau
 /// # Errors
 /// The first part with other bits.
 pub fn self_test_f32(memory: &mut SelfTestMemory<f32>) -> Result<(), SelfTestFault> {
-    let five = FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 };
     compared(
-        sums(&five, &TABLE_F32, memory),
+        sums(&MODEL_F32, &WRIST_F32, memory),
         [0xcd57_b481_3825_a513, 0x49aa_a7d3_87f1_4532, 0x1e54_29e3_b927_e642, 0x10bd_86cf_bf5c_b399],
     )
 }
@@ -266,9 +262,8 @@ mod tests {
     #[test]
     #[cfg_attr(miri, ignore = "slow, and runs what the known bits run")]
     fn another_bit_is_found() {
-        let five = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
         let mut memory = SelfTestMemory::new();
-        let known = sums(&five, &TABLE_F64, &mut memory);
+        let known = sums(&MODEL_F64, &WRIST_F64, &mut memory);
         assert_eq!(compared(known, known), Ok(()));
         for (part, fault) in PARTS.into_iter().enumerate() {
             let mut other = known;
@@ -280,7 +275,7 @@ mod tests {
         let mut machine = MACHINE_F64;
         machine.limbs[0].axial = f64::from_bits(machine.limbs[0].axial.to_bits() + (1 << 20));
         let [kinematics, stiffness, _, compensator] =
-            sums(&FiveAxis { machine: &machine, ..five }, &TABLE_F64, &mut memory);
+            sums(&Model { machine: &machine, ..MODEL_F64 }, &WRIST_F64, &mut memory);
         assert!(kinematics == known[0] && stiffness != known[1] && compensator != known[3]);
     }
 
@@ -288,14 +283,13 @@ mod tests {
     #[test]
     #[cfg_attr(miri, ignore = "slow, and runs what the known bits run")]
     fn another_bit_of_a_compensator_is_found() {
-        let five = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
         let usual = reading();
         let of = |settings: &CompensatorSettings, reading: &Reading<f64>| {
             let mut memory = SelfTestMemory::new();
             begin(&mut memory.screws, settings);
             begin(&mut memory.axes, settings);
-            let of_screws = screws(&five, &TABLE_F64, &mut memory.screws, reading);
-            [of_screws, axes(&five, &TABLE_F64, &mut memory.axes, reading, START)]
+            let of_screws = screws(&MODEL_F64, &mut memory.screws, reading);
+            [of_screws, axes((&MODEL_F64, &WRIST_F64), &mut memory.axes, reading, START)]
         };
         let known = of(&SETTINGS, &usual);
         let up = |number: f64| f64::from_bits(number.to_bits() + (1 << 20));
@@ -327,7 +321,7 @@ mod tests {
         assert!(found[0] != known[0] && found[1] != known[1]);
         // a setting out of range, and a fault, are no result
         let wrong = CompensatorSettings { gain: 2.0, ..s };
-        assert_eq!(compensators(&five, &TABLE_F64, &mut SelfTestMemory::new(), &wrong, &usual), 0);
+        assert_eq!(compensators((&MODEL_F64, &WRIST_F64), &mut SelfTestMemory::new(), &wrong, &usual), 0);
         loaded.wrench.force_n.z = f64::NAN;
         assert!(of(&SETTINGS, &loaded) != known);
     }
@@ -335,7 +329,6 @@ mod tests {
     #[test]
     #[cfg_attr(miri, ignore = "slow, and runs what the known bits run")]
     fn every_limit_acts() {
-        let five = FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 };
         let (reading, tip_m) = (reading(), TIP_M.map(|component| component as f32).into());
         let (Ok(mut compensator), Ok(mut tools)) =
             (Compensator::<f32, 3>::new(&SETTINGS), Compensator::<f32, 5>::new(&SETTINGS))
@@ -344,12 +337,12 @@ mod tests {
         };
         let (mut of_screws, mut of_axes) = ([0; 3], [0; 3]);
         offsets(START, |pose| {
-            let offset = compensator.update(&TABLE_F32, five.machine, pose, tip_m, &reading);
+            let offset = compensator.update(&MODEL_F32, pose, tip_m, &reading);
             of_screws[offset.limit as usize] += 1;
             offset
         });
         offsets(START, |pose| {
-            let offset = tools.update(&TABLE_F32, &five, &turned(pose), &reading);
+            let offset = tools.update(&MODEL_F32, &WRIST_F32, &turned(pose), &reading);
             of_axes[offset.limit as usize] += 1;
             assert_eq!(offset.fault, None);
             offset
@@ -359,14 +352,12 @@ mod tests {
 
     #[test]
     fn bits_are_those_that_are_known() {
-        let single = FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 };
-        let double = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
         assert_eq!(
             (self_test_f32(&mut SelfTestMemory::new()), self_test_f64(&mut SelfTestMemory::new())),
             (Ok(()), Ok(())),
             "f64 {:#x?} f32 {:#x?}",
-            sums(&double, &TABLE_F64, &mut SelfTestMemory::new()),
-            sums(&single, &TABLE_F32, &mut SelfTestMemory::new())
+            sums(&MODEL_F64, &WRIST_F64, &mut SelfTestMemory::new()),
+            sums(&MODEL_F32, &WRIST_F32, &mut SelfTestMemory::new())
         );
     }
 }

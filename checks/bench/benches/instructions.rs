@@ -13,7 +13,7 @@ use nalgebra::{Cholesky, Matrix6, U6, Vector2, Vector3, Vector6};
 use pkm_core::compensator::{Compensator, CompensatorSettings, Offset, Reading};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{
-    CompensatedTool, Configuration, Corrected, Cycle, Deflection, FiveAxis, Machine, Pose, Scalar, ScrewLengths,
+    CompensatedTool, Configuration, Corrected, Cycle, Deflection, FiveAxis, Machine, Model, Pose, Scalar, ScrewLengths,
     Stiffness, StiffnessFactor, Tool, ToolFrame, ToolSolution, Wrench,
 };
 
@@ -148,8 +148,7 @@ macro_rules! five_axes {
         fn $screws(on: (Compensator<$t, 3>, Reading<$t>)) -> Offset<$t, 3> {
             let (mut compensator, reading) = black_box(on);
             black_box(compensator.update(
-                &$table,
-                &$machine,
+                &Model::new(&$machine, &$table),
                 &black_box(pose()),
                 black_box(Vector3::new(0.01, -0.02, 0.3)),
                 &reading,
@@ -162,7 +161,7 @@ macro_rules! five_axes {
         #[bench::turned(switched_on(), stand(4))]
         fn $axes(on: (Compensator<$t, 5>, Reading<$t>), stands: Configuration<$t>) -> Offset<$t, 5> {
             let (mut compensator, reading) = black_box(on);
-            black_box(compensator.update(&$table, &$five, &black_box(stands), &reading))
+            black_box(compensator.update(&Model::new(&$machine, &$table), $five.wrist, &black_box(stands), &reading))
         }
     };
 }

@@ -8,7 +8,7 @@ use std::hint::black_box;
 use nalgebra::{Vector2, Vector3};
 use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, Offset, OutsideBox, Reading, Weight};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
-use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Wrench};
+use pkm_core::{Configuration, Model, Pose, Scalar, Wrench, Wrist};
 
 // Callgrind knows these by their names: it counts from the beginning of one to the end of the next. A function that ended with a jump to
 // another would have no end for it.
@@ -20,27 +20,27 @@ fn count_from_here() {
 #[inline(never)]
 fn counted_screws<T: Scalar>(
     compensator: &mut Compensator<T, 3>,
-    (table, five): (&CorrectionTable<'_, T>, &FiveAxis<'_, T>),
+    model: &Model<'_, T>,
     pose: &Pose<T>,
     tip_m: Vector3<T>,
     reading: &Reading<T>,
 ) -> Offset<T, 3> {
-    black_box(compensator.update(table, five.machine, pose, tip_m, reading))
+    black_box(compensator.update(model, pose, tip_m, reading))
 }
 
 #[inline(never)]
 fn counted_axes<T: Scalar>(
     compensator: &mut Compensator<T, 5>,
-    (table, five): (&CorrectionTable<'_, T>, &FiveAxis<'_, T>),
+    (model, wrist): (&Model<'_, T>, &Wrist<T>),
     stands: &Configuration<T>,
     reading: &Reading<T>,
 ) -> Offset<T, 5> {
-    black_box(compensator.update(table, five, stands, reading))
+    black_box(compensator.update(model, wrist, stands, reading))
 }
 
 /// Has both carry a platform and a tool.
 fn carry<T: Scalar>(
-    (table, five): (&CorrectionTable<'_, T>, &FiveAxis<'_, T>),
+    (model, wrist): (&Model<'_, T>, &Wrist<T>),
     tip_m: Vector3<T>,
     screws: &mut Compensator<T, 3>,
     axes: &mut Compensator<T, 5>,
@@ -53,17 +53,12 @@ fn carry<T: Scalar>(
     };
     let platform = weight([100.0, -20.0, -700.0], [0.02, 0.01, 0.1]);
     let tool = weight([30.0, -6.0, -210.0], [0.1, 0.0, -0.2]);
-    let of_screws = CarriedWeight::<T, 3>::new(table, five.machine, &platform, (&pose, tip_m));
+    let of_screws = CarriedWeight::<T, 3>::new(model, &platform, &pose, tip_m);
     screws.set_weight(Some(of_screws.expect("a weight")));
-    axes.set_weight(Some(CarriedWeight::<T, 5>::new(table, five, &platform, &tool, &home).expect("weights")));
+    axes.set_weight(Some(CarriedWeight::<T, 5>::new(model, wrist, &platform, &tool, &home).expect("weights")));
 }
 
-fn updates<T: Scalar>(
-    with: (&CorrectionTable<'_, T>, &FiveAxis<'_, T>),
-    is_heavy: bool,
-    mut state: u32,
-    updates: usize,
-) {
+fn updates<T: Scalar>(with: (&Model<'_, T>, &Wrist<T>), is_heavy: bool, mut state: u32, updates: usize) {
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
     let mut screws = Compensator::<T, 3>::new(&settings).expect("settings");
     let mut axes = Compensator::<T, 5>::new(&settings).expect("settings");
@@ -83,7 +78,7 @@ fn updates<T: Scalar>(
         let wrench = Wrench::from_vector(wrench.into());
         let reading = Reading { enabled: true, wrench, rise: within(0.0, 20.0).into() };
         count_from_here();
-        counted_screws(&mut screws, with, &stands.pose, tip_m, &reading);
+        counted_screws(&mut screws, with.0, &stands.pose, tip_m, &reading);
         count_from_here();
         counted_axes(&mut axes, with, &stands, &reading);
     }
@@ -96,8 +91,8 @@ fn main() {
     let is_heavy = rest.first().is_some_and(|word| word == "weight");
     let (seed, count) = (seed.parse().expect("a seed"), count.parse().expect("a number of updates"));
     match width.as_str() {
-        "f64" => updates((&TABLE_F64, &FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 }), is_heavy, seed, count),
-        "f32" => updates((&TABLE_F32, &FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 }), is_heavy, seed, count),
+        "f64" => updates((&Model::new(&MACHINE_F64, &TABLE_F64), &WRIST_F64), is_heavy, seed, count),
+        "f32" => updates((&Model::new(&MACHINE_F32, &TABLE_F32), &WRIST_F32), is_heavy, seed, count),
         _ => panic!("f64 or f32"),
     }
 }

@@ -17,7 +17,8 @@ use pkm_core::correction::{TableBuffer, TransferError};
 use pkm_core::nalgebra::{SVector, Vector2, Vector3, Vector6};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{
-    Configuration, CorrectionTable, Fault, FiveAxis, Machine, MachineParameters, Pose, Scalar, TemperatureRise, Wrench,
+    Configuration, CorrectionTable, Fault, FiveAxis, Machine, MachineParameters, Model, Pose, Scalar, TemperatureRise,
+    Wrench,
 };
 
 pub use learning::{Lesson, lessons, reading};
@@ -268,8 +269,9 @@ fn inject<T: Scalar>(fault: Injected, controller: &Controller<T>) -> Result<u64,
     };
     let tip = Vector3::from(TIP_M.map(T::from_f64));
     let zero = configuration(ZERO);
-    let of_screws = CarriedWeight::<T, 3>::new(table, five.machine, &weight(PLATFORM), (&zero.pose, tip));
-    let of_axes = CarriedWeight::<T, 5>::new(table, five, &weight(PLATFORM), &weight(TOOL), &zero);
+    let model = &Model::new(five.machine, table);
+    let of_screws = CarriedWeight::<T, 3>::new(model, &weight(PLATFORM), &zero.pose, tip);
+    let of_axes = CarriedWeight::<T, 5>::new(model, five.wrist, &weight(PLATFORM), &weight(TOOL), &zero);
     let (Ok(of_screws), Ok(of_axes)) = (of_screws, of_axes) else { return Err("the weight is refused") };
     let mut sum = 0_u64;
     for (of_screws, of_axes) in [(None, None), (Some(of_screws), Some(of_axes))] {
@@ -277,10 +279,10 @@ fn inject<T: Scalar>(fault: Injected, controller: &Controller<T>) -> Result<u64,
         screws.set_weight(of_screws);
         axes.set_weight(of_axes);
         let of_screws = run(fault, &settings, screws, |screws, Period { configuration, reading }: &Period<T>| {
-            screws.update(table, five.machine, &configuration.pose, tip, reading)
+            screws.update(model, &configuration.pose, tip, reading)
         })?;
         let of_axes = run(fault, &settings, axes, |axes, Period { configuration, reading }: &Period<T>| {
-            axes.update(table, five, configuration, reading)
+            axes.update(model, five.wrist, configuration, reading)
         })?;
         sum = sum.rotate_left(2) ^ of_screws ^ of_axes.rotate_left(1);
     }

@@ -9,11 +9,10 @@ use std::process::Command;
 use pkm_core::checksum::{START, over_text};
 use pkm_core::compensator::{Compensator, CompensatorSettings, Known, Offset, OutsideBox, Reading};
 use pkm_core::effects::EFFECTS;
-use pkm_core::estimation::Estimator;
 use pkm_core::nalgebra::{Vector2, Vector3};
 use pkm_core::{
-    Configuration, CorrectionTable, Cycle, Deflection, Domain, FiveAxis, JointValues, Pose, Scalar, ScrewLengths,
-    TableUncertainty, TemperatureRise, TipUncertainty, Tool, ToolMotion, ToolSolution, Wrench,
+    Configuration, CorrectionTable, Cycle, Deflection, Domain, FiveAxis, JointValues, Model, Pose, Scalar,
+    ScrewLengths, TableUncertainty, TemperatureRise, TipUncertainty, Tool, ToolMotion, ToolSolution, Wrench,
 };
 
 use crate::image::symbols;
@@ -385,7 +384,7 @@ fn of_offset<T: Scalar>(known: Option<Known<T>>) -> Vec<T> {
 /// A period of new compensators that compensate no more than is known, of three screws and of five axes.
 fn first_periods<T: Scalar>(
     five: &FiveAxis<'_, T>,
-    known: (&CorrectionTable<'_, T>, &TableUncertainty<T>),
+    (table, uncertainty): (&CorrectionTable<'_, T>, &TableUncertainty<T>),
     (pose, tip): (&Pose<T>, Vector3<T>),
     stands: &Configuration<T>,
     reading: &Reading<T>,
@@ -393,9 +392,8 @@ fn first_periods<T: Scalar>(
     let settings = CompensatorSettings { outside_box: OutsideBox::Extrapolate, ..CompensatorSettings::DEFAULT };
     let mut screws = Compensator::<T, 3>::new(&settings).expect("in range");
     let mut axes = Compensator::<T, 5>::new(&settings).expect("in range");
-    let nothing_learned = None::<&Estimator<T, 0>>;
-    let of_screws = screws.update_known(known, five.machine, nothing_learned, (pose, tip), reading);
-    (of_screws, axes.update_known(known, five, nothing_learned, stands, reading))
+    let model = &Model::new(five.machine, table).with_uncertainty(uncertainty);
+    (screws.update(model, pose, tip, reading), axes.update(model, five.wrist, stands, reading))
 }
 
 #[cfg(test)]

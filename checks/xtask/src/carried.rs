@@ -7,7 +7,7 @@ use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, Rea
 use pkm_core::estimation::Estimator;
 use pkm_core::nalgebra::Vector3;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
-use pkm_core::{CorrectionTable, Machine, Pose, Scalar, Wrench};
+use pkm_core::{CorrectionTable, Machine, Model, Pose, Scalar, Wrench};
 use pkm_host::files::source::Source;
 use pkm_host::files::table::TableFile;
 use pkm_protocol::{
@@ -83,9 +83,10 @@ fn offset_after<T: Scalar>(
     let mut estimator = Estimator::<T, 6>::new(&learned::SETTINGS).map_err(|e| e.to_string())?;
     let (pose, wrench, tip_m) = demand.inputs();
     let reading = Reading { enabled: true, wrench, rise: demand.rise() };
+    let model = Model::new(machine, table);
     for _ in 0..periods {
         estimator.follow(T::from_f64(settings.period_s));
-        compensator.update_learned(table, machine, &estimator, (&pose, tip_m), &reading);
+        compensator.update(&model.with_learned(&estimator), &pose, tip_m, &reading);
     }
     Ok(compensator.joints().map(T::to_f64).into())
 }

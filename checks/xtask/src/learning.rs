@@ -8,7 +8,7 @@ use pkm_core::estimation::{Alarm, Estimator, MAX_AMPLITUDES, state_bytes};
 use pkm_core::nalgebra::Vector3;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
 use pkm_core::thermal::DECLARED_TEMPERATURE_C;
-use pkm_core::{CorrectionTable, Machine, Pose, Scalar, Wrench};
+use pkm_core::{CorrectionTable, Machine, Model, Pose, Scalar, Wrench};
 use pkm_host::files::learn::Learn;
 use pkm_host::files::log::Entry;
 use pkm_host::replay::{Step, replay};
@@ -198,10 +198,11 @@ fn offsets<T: Scalar>(
     let mut without = with;
     let (pose, wrench, tip_m) = demand.inputs();
     let reading = Reading { enabled: true, wrench, rise: demand.rise() };
+    let model = Model::new(machine, table);
     for _ in 0..periods {
         learned.follow(T::from_f64(settings.period_s));
-        with.update_learned(table, machine, &learned, (&pose, tip_m), &reading);
-        without.update(table, machine, &pose, tip_m, &reading);
+        with.update(&model.with_learned(&learned), &pose, tip_m, &reading);
+        without.update(&model, &pose, tip_m, &reading);
     }
     Ok([with, without].map(|compensator| compensator.joints().map(T::to_f64).into()))
 }

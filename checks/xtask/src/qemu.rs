@@ -10,11 +10,10 @@ use std::process::Command;
 use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, OutsideBox, Reading, Weight};
 use pkm_core::correction::narrow;
 use pkm_core::effects::{EFFECTS, EffectInfo};
-use pkm_core::estimation::Estimator;
 use pkm_core::nalgebra::Vector2;
 use pkm_core::tables::reference::{UNCERTAINTY_F32, UNCERTAINTY_F64};
 use pkm_core::{
-    Configuration, CorrectionTable, CycleError, Domain, FiveAxis, KnownCycle, Machine, Pose, Scalar, Stiffness,
+    Configuration, CorrectionTable, CycleError, Domain, FiveAxis, KnownCycle, Machine, Model, Pose, Scalar, Stiffness,
     StiffnessError, TableUncertainty, Tool, ToolDeflectionError, ToolSolution, Wrench, Wrist,
 };
 use pkm_host::cli;
@@ -385,16 +384,17 @@ fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, po
     let upright = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) };
     let zeroed_at = Configuration { pose: upright, beta_rad: Vector2::zeros() };
     let (platform, tool) = (weight(PLATFORM), weight(TOOL));
-    let of_screws = CarriedWeight::<T, 3>::new(table, five.machine, &platform, (&upright, tip_m));
-    let of_axes = CarriedWeight::<T, 5>::new(table, five, &platform, &tool, &zeroed_at);
+    let model = &Model::new(five.machine, table);
+    let of_screws = CarriedWeight::<T, 3>::new(model, &platform, &upright, tip_m);
+    let of_axes = CarriedWeight::<T, 5>::new(model, five.wrist, &platform, &tool, &zeroed_at);
     let carried = (of_screws.expect("a weight in range"), of_axes.expect("a weight in range"));
     let mut found = Vec::new();
     for carried in [None, Some(carried)] {
         screws.set_weight(carried.map(|of| of.0));
         axes.set_weight(carried.map(|of| of.1));
         for _ in 0..3 {
-            screws.update(table, five.machine, pose, tip_m, &reading);
-            axes.update(table, five, &stands, &reading);
+            screws.update(model, pose, tip_m, &reading);
+            axes.update(model, five.wrist, &stands, &reading);
         }
         found.extend(bits_of(&[screws.joints().as_slice(), axes.joints().as_slice()].concat()));
     }
@@ -414,8 +414,8 @@ fn known<T: Scalar>(
     let Pose { theta_rad, sigma_rad, z0_m } = cycle.compensated.pose;
     let mut compensator = Compensator::<T, 3>::new(&settings).ok()?;
     let reading = Reading { enabled: true, wrench, rise: T::from_f64(4.5).into() };
-    let nothing_learned = None::<&Estimator<T, 0>>;
-    let offset = compensator.update_known((table, uncertainty), machine, nothing_learned, (pose, tip_m), &reading);
+    let model = Model::new(machine, table).with_uncertainty(uncertainty);
+    let offset = compensator.update(&model, pose, tip_m, &reading);
     let in_period = offset.known?;
     let numbers = [
         of_cycle.variance_m2.as_slice(),

@@ -7,7 +7,7 @@ use pkm_core::checksum::{START, over_text};
 use pkm_core::compensator::{
     Compensator, CompensatorSettings, Fault, Limit, Offset, OutsideBox, Reading, SettingsError,
 };
-use pkm_core::{FiveAxis, Scalar};
+use pkm_core::{Model, Scalar};
 
 use crate::pointers::{answer, given, taken};
 use crate::{
@@ -366,7 +366,7 @@ macro_rules! compensator {
                     let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
                     let (tip, reading) = (given(tip)?.uvw_m.into(), given(reading)?.core());
                     let compensator = taken(compensator)?.0.running()?;
-                    Ok(PkmOffset::of(compensator.update(table, machine, &pose, tip, &reading)))
+                    Ok(PkmOffset::of(compensator.update(&Model::new(machine, table), &pose, tip, &reading)))
                 })
             }
         }
@@ -393,11 +393,11 @@ macro_rules! compensator {
             // SAFETY: the caller's promise
             unsafe {
                 answer(offset, || {
-                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
-                    let (table, configuration) = (&given(table)?.0, given(configuration)?.core());
-                    let reading = given(reading)?.core();
+                    let (machine, table, wrist) = (given(machine)?.core(), &given(table)?.0, &given(wrist)?.0);
+                    let (configuration, reading) = (given(configuration)?.core(), given(reading)?.core());
                     let compensator = taken(compensator)?.0.running()?;
-                    Ok(PkmOffset::of(compensator.update(table, &five, &configuration, &reading)))
+                    let model = Model::new(machine, table);
+                    Ok(PkmOffset::of(compensator.update(&model, wrist, &configuration, &reading)))
                 })
             }
         }

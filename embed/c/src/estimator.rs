@@ -7,7 +7,7 @@ use pkm_core::checksum::{START, over_text};
 use pkm_core::estimation::{
     Estimator, EstimatorSettingsError, MAX_AMPLITUDES, MAX_COMPONENTS, Slot, newest, state_bytes,
 };
-use pkm_core::{FiveAxis, Scalar};
+use pkm_core::{FiveAxis, Model, Scalar};
 
 use crate::pointers::{answer, given, taken};
 use crate::{
@@ -370,10 +370,9 @@ macro_rules! estimator {
                     let uncertainty = if uncertainty.is_null() { None } else { Some(&given(uncertainty)?.0) };
                     let any = given(estimator)?.running()?;
                     let compensator = taken(compensator)?.0.running()?;
-                    let at = (&pose, tip);
-                    let offset = each!(any, learned => match uncertainty {
-                        Some(own) => compensator.update_known((table, own), machine, Some(learned), at, &reading),
-                        None => compensator.update_learned(table, machine, learned, at, &reading),
+                    let model = Model { uncertainty, ..Model::new(machine, table) };
+                    let offset = each!(any, learned => {
+                        compensator.update(&model.with_learned(learned), &pose, tip, &reading)
                     });
                     Ok(PkmKnownOffset::of(PkmOffset::of(offset), offset.known))
                 })
@@ -403,17 +402,15 @@ macro_rules! estimator {
             // SAFETY: the caller's promise
             unsafe {
                 answer(offset, || {
-                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
-                    let (table, reading) = (&given(table)?.0, given(reading)?.core());
+                    let (machine, table, wrist) = (given(machine)?.core(), &given(table)?.0, &given(wrist)?.0);
+                    let reading = given(reading)?.core();
                     let uncertainty = if uncertainty.is_null() { None } else { Some(&given(uncertainty)?.0) };
                     let configuration = given(configuration)?.core();
                     let any = given(estimator)?.running()?;
                     let compensator = taken(compensator)?.0.running()?;
-                    let offset = each!(any, learned => match uncertainty {
-                        Some(own) => {
-                            compensator.update_known((table, own), &five, Some(learned), &configuration, &reading)
-                        }
-                        None => compensator.update_learned(table, &five, learned, &configuration, &reading),
+                    let model = Model { uncertainty, ..Model::new(machine, table) };
+                    let offset = each!(any, learned => {
+                        compensator.update(&model.with_learned(learned), wrist, &configuration, &reading)
                     });
                     Ok(PkmKnownOffset::of(PkmOffset::of(offset), offset.known))
                 })

@@ -2,8 +2,7 @@
 
 use pkm_core::checksum::Damaged;
 use pkm_core::compensator::Known;
-use pkm_core::estimation::Estimator;
-use pkm_core::{FiveAxis, KnownCycle, Scalar, TableUncertainty, TipUncertainty};
+use pkm_core::{KnownCycle, Model, Scalar, TableUncertainty, TipUncertainty};
 
 #[cfg(table_uncertainty)]
 use crate::coefficients;
@@ -138,11 +137,10 @@ macro_rules! functions {
             unsafe {
                 answer(offset, || {
                     let (machine, pose) = (given(machine)?.core(), given(pose)?.core());
-                    let known = (&given(table)?.0, &given(uncertainty)?.0);
+                    let model = Model::new(machine, &given(table)?.0).with_uncertainty(&given(uncertainty)?.0);
                     let (tip, reading) = (given(tip)?.uvw_m.into(), given(reading)?.core());
                     let compensator = taken(compensator)?.0.running()?;
-                    let nothing_learned = None::<&Estimator<$t, 0>>;
-                    let offset = compensator.update_known(known, machine, nothing_learned, (&pose, tip), &reading);
+                    let offset = compensator.update(&model, &pose, tip, &reading);
                     Ok(PkmKnownOffset::of(PkmOffset::of(offset), offset.known))
                 })
             }
@@ -170,12 +168,11 @@ macro_rules! functions {
             // SAFETY: the caller's promise
             unsafe {
                 answer(offset, || {
-                    let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
-                    let known = (&given(table)?.0, &given(uncertainty)?.0);
+                    let (machine, wrist) = (given(machine)?.core(), &given(wrist)?.0);
+                    let model = Model::new(machine, &given(table)?.0).with_uncertainty(&given(uncertainty)?.0);
                     let (configuration, reading) = (given(configuration)?.core(), given(reading)?.core());
                     let compensator = taken(compensator)?.0.running()?;
-                    let nothing_learned = None::<&Estimator<$t, 0>>;
-                    let offset = compensator.update_known(known, &five, nothing_learned, &configuration, &reading);
+                    let offset = compensator.update(&model, wrist, &configuration, &reading);
                     Ok(PkmKnownOffset::of(PkmOffset::of(offset), offset.known))
                 })
             }

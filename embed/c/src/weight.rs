@@ -1,7 +1,7 @@
 //! The weight that a machine carries, as a compensator takes it.
 
 use pkm_core::compensator::{CarriedWeight, Weight};
-use pkm_core::{FiveAxis, Scalar};
+use pkm_core::{Model, Scalar};
 
 use crate::pointers::{given, taken};
 use crate::{
@@ -53,9 +53,10 @@ macro_rules! weight {
             // SAFETY: the caller's promise
             done((|| unsafe {
                 let (machine, table, weight) = (given(machine)?.core(), &given(table)?.0, given(weight)?.core());
-                let zeroed_at = (&given(zeroed_at)?.core(), given(tip)?.uvw_m.into());
+                let (model, zeroed_at) = (Model::new(machine, table), given(zeroed_at)?.core());
+                let tip = given(tip)?.uvw_m.into();
                 let compensator = taken(compensator)?.0.running()?;
-                compensator.set_weight(Some(CarriedWeight::<$t, 3>::new(table, machine, &weight, zeroed_at)?));
+                compensator.set_weight(Some(CarriedWeight::<$t, 3>::new(&model, &weight, &zeroed_at, tip)?));
                 Ok(())
             })())
         }
@@ -87,11 +88,12 @@ macro_rules! weight {
         ) -> PkmError {
             // SAFETY: the caller's promise
             done((|| unsafe {
-                let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
-                let (table, platform, tool) = (&given(table)?.0, given(platform)?.core(), given(tool)?.core());
+                let (machine, table, wrist) = (given(machine)?.core(), &given(table)?.0, &given(wrist)?.0);
+                let (platform, tool) = (given(platform)?.core(), given(tool)?.core());
+                let model = Model::new(machine, table);
                 let zeroed_at = given(zeroed_at)?.core();
                 let compensator = taken(compensator)?.0.running()?;
-                let carried = CarriedWeight::<$t, 5>::new(table, &five, &platform, &tool, &zeroed_at)?;
+                let carried = CarriedWeight::<$t, 5>::new(&model, wrist, &platform, &tool, &zeroed_at)?;
                 compensator.set_weight(Some(carried));
                 Ok(())
             })())

@@ -2,7 +2,7 @@
 
 use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, Fault, Reading, WeightError};
 use pkm_core::estimation::{Estimator, EstimatorSettings, state_bytes};
-use pkm_core::{CorrectionTable, Machine, Scalar};
+use pkm_core::{Model, Scalar};
 use pkm_protocol::{Arithmetic, Carried, Demand};
 
 pub const AMPLITUDES: usize = 6;
@@ -10,9 +10,9 @@ pub const AMPLITUDES: usize = 6;
 pub type Learner = Estimator<f64, AMPLITUDES>;
 
 /// Machine and table in service, in either arithmetic.
-pub struct Model<'a> {
-    pub single: (&'a CorrectionTable<'a, f32>, &'a Machine<f32>),
-    pub double: (&'a CorrectionTable<'a, f64>, &'a Machine<f64>),
+pub struct Models<'a> {
+    pub single: Model<'a, f32>,
+    pub double: Model<'a, f64>,
 }
 
 /// What the machine carries, with its reference in either arithmetic.
@@ -27,9 +27,10 @@ impl Weighed {
     ///
     /// # Errors
     /// Those of either.
-    pub fn new(model: &Model<'_>, carried: &Carried) -> Result<Self, WeightError> {
-        let (single, double) = (model.single, model.double);
-        Ok(Self { single: carried.carried(single.1, single.0)?, double: carried.carried(double.1, double.0)? })
+    pub fn new(models: &Models<'_>, carried: &Carried) -> Result<Self, WeightError> {
+        let Models { single, double } = models;
+        let double = carried.carried(double.machine, double.table)?;
+        Ok(Self { single: carried.carried(single.machine, single.table)?, double })
     }
 }
 
@@ -91,7 +92,7 @@ impl Compensation {
 
     /// A period. Without a demand the offset goes back to none. Each arithmetic has a compensator of its own: the offset of one is gone
     /// before that of the other comes, or it would leap.
-    pub fn period(&mut self, model: &Model<'_>, demand: Option<Demand>) {
+    pub fn period(&mut self, models: &Models<'_>, demand: Option<Demand>) {
         let (at, enabled) = match (demand, self.latest) {
             (Some(next), Some(last)) if next.arithmetic != last.arithmetic && self.offset_m != [0.0; 3] => {
                 (last, false)
@@ -107,8 +108,8 @@ impl Compensation {
             self.single.follow(self.period_s as f32);
         }
         (self.offset_m, self.fault) = match at.arithmetic {
-            Arithmetic::F32 => update(&mut self.of_single, &self.single, model.single, &at, enabled),
-            Arithmetic::F64 => update(&mut self.of_double, &self.learner, model.double, &at, enabled),
+            Arithmetic::F32 => update(&mut self.of_single, models.single.with_learned(&self.single), &at, enabled),
+            Arithmetic::F64 => update(&mut self.of_double, models.double.with_learned(&self.learner), &at, enabled),
         };
     }
 }
@@ -116,13 +117,12 @@ impl Compensation {
 /// A period of the compensation, in the arithmetic of the demand.
 fn update<T: Scalar>(
     compensator: &mut Compensator<T, 3>,
-    learned: &Estimator<T, AMPLITUDES>,
-    (table, machine): (&CorrectionTable<'_, T>, &Machine<T>),
+    model: Model<'_, T, AMPLITUDES>,
     demand: &Demand,
     enabled: bool,
 ) -> ([f64; 3], Option<Fault>) {
     let (pose, wrench, tip_m) = demand.inputs();
     let reading = Reading { enabled, wrench, rise: demand.rise() };
-    let offset = compensator.update_learned(table, machine, learned, (&pose, tip_m), &reading);
+    let offset = compensator.update(&model, &pose, tip_m, &reading);
     (offset.joints.map(T::to_f64).into(), offset.fault)
 }

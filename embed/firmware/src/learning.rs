@@ -7,13 +7,13 @@ use core::sync::atomic::Ordering::Relaxed;
 
 use cortex_m::asm::wfi;
 use critical_section::Mutex;
-use pkm_core::CorrectionTable;
 use pkm_core::compensator::Fault;
 use pkm_core::estimation::{Refusal, state_bytes};
+use pkm_core::{CorrectionTable, Model};
 use pkm_protocol::{Answer, Code, Demand, Learned, OffsetFault, Probe};
 
 use crate::board::Flash;
-use crate::compensation::{AMPLITUDES, Compensation, Learner, Model, Weighed};
+use crate::compensation::{AMPLITUDES, Compensation, Learner, Models, Weighed};
 use crate::learned::SETTINGS;
 use crate::slots::{NotSaved, restore, save};
 use crate::{ABORTED, MAIN_SILENT, PERIOD_HZ, coefficients};
@@ -53,9 +53,9 @@ pub struct Tables<'a> {
 
 impl Tables<'_> {
     /// With the machine of the image.
-    pub fn model(&self) -> Model<'_> {
-        let single = (&self.single, &coefficients::MACHINE_F32);
-        Model { single, double: (&self.double, &coefficients::MACHINE_F64) }
+    pub fn models(&self) -> Models<'_> {
+        let single = Model::new(&coefficients::MACHINE_F32, &self.single);
+        Models { single, double: Model::new(&coefficients::MACHINE_F64, &self.double) }
     }
 }
 
@@ -72,7 +72,7 @@ pub fn work(task: &mut Option<Task>, tables: &Tables<'_>, weighed: Option<Weighe
     if let Some(weighed) = &weighed {
         task.carry(weighed);
     }
-    task.period(&tables.model(), demand);
+    task.period(&tables.models(), demand);
     let refused = match asked {
         None => return,
         Some(Question::Probe(probe)) => learn(task, &tables.double, &probe).err(),

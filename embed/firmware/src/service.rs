@@ -118,7 +118,7 @@ impl Service {
         if self.copy.as_ref().is_none_or(|copy| copy.is_damaged()) {
             stop(Fault::SelfTest);
         }
-        match Weighed::new(&Tables::in_service(self.copy.as_deref()).model(), carried) {
+        match Weighed::new(&Tables::in_service(self.copy.as_deref()).models(), carried) {
             Ok(weighed) => {
                 self.carried = Some(*carried);
                 critical_section::with(|cs| NEXT.borrow(cs).set(Next { tables: None, weighed: Some(weighed) }));
@@ -152,8 +152,8 @@ impl Service {
     fn finish(&mut self) -> Result<Option<Weighed>, Code> {
         let spare = self.spare[0].as_mut().ok_or(Code::Order)?;
         spare.finish()?;
-        let model = Tables::in_service(Some(spare));
-        let weighed = self.carried.map(|carried| Weighed::new(&model.model(), &carried)).transpose()?;
+        let tables = Tables::in_service(Some(spare));
+        let weighed = self.carried.map(|carried| Weighed::new(&tables.models(), &carried)).transpose()?;
         // what was whole just now is not any more
         if self.copy.as_mut().is_none_or(|copy| copy.copy(spare).is_err()) {
             stop(Fault::SelfTest);

@@ -3,7 +3,7 @@
 use pkm_core::compensator::{CarriedWeight, Weight, WeightError};
 use pkm_core::nalgebra::Vector3;
 use pkm_core::thermal::TemperatureRise;
-use pkm_core::{CorrectionTable, Cycle, CycleError, Machine, Pose, Scalar, Wrench};
+use pkm_core::{CorrectionTable, Cycle, CycleError, Machine, Model, Pose, Scalar, Wrench};
 use serde::{Deserialize, Serialize};
 
 /// What the cyclic task works on.
@@ -115,7 +115,8 @@ impl Carried {
     ) -> Result<CarriedWeight<T, 3>, WeightError> {
         let Weight { force_n, centre_m } = self.weight;
         let weight = Weight { force_n: force_n.map(T::from_f64), centre_m: centre_m.map(T::from_f64) };
-        CarriedWeight::<T, 3>::new(table, machine, &weight, (&rounded(&self.zeroed_at), self.tip_m.map(T::from_f64)))
+        let (model, tip_m) = (Model::new(machine, table), self.tip_m.map(T::from_f64));
+        CarriedWeight::<T, 3>::new(&model, &weight, &rounded(&self.zeroed_at), tip_m)
     }
 
     pub(crate) fn is_finite(&self) -> bool {

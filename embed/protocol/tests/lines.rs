@@ -226,7 +226,12 @@ fn temperatures_and_weights_are_the_cores() {
     let weight = Weight { force_n: Vector3::new(785.1, 1.0, 2.0), centre_m: Vector3::new(0.01, 0.02, 0.1) };
     let zeroed_at = Pose { theta_rad: -0.2, sigma_rad: 0.1, z0_m: 0.52 };
     let carried = Carried { weight, zeroed_at, tip_m: DEMAND.tip_m };
-    let own = CarriedWeight::<f64, 3>::new(&TABLE_F64, &MACHINE_F64, &weight, (&zeroed_at, DEMAND.tip_m));
+    let own = CarriedWeight::<f64, 3>::new(
+        &pkm_core::Model::new(&MACHINE_F64, &TABLE_F64),
+        &weight,
+        &zeroed_at,
+        DEMAND.tip_m,
+    );
     assert!(own.is_ok());
     assert_eq!(carried.carried(&MACHINE_F64, &TABLE_F64), own);
     let away = Carried { zeroed_at: Pose { theta_rad: 1.0, ..zeroed_at }, ..carried };

@@ -26,7 +26,6 @@
 //! A force sensor closes a loop through the machine: compensation pushes the tip against the workpiece, and the force grows. Its gain
 //! is below the compensator's, see [`LoopGain`] and `docs/stability.md`.
 
-mod known;
 mod limit;
 mod load;
 mod settings;
@@ -45,13 +44,14 @@ use crate::estimation::Estimator;
 use crate::five_axis::{Configuration, FiveAxis, ToolDeflectionError, ToolError};
 use crate::kinematics::{KinematicsError, Posture};
 use crate::machine::Machine;
+use crate::model::Model;
 use crate::scalar::Scalar;
 use crate::stiffness::{LoadHistory, StiffnessError};
 use crate::thermal::TemperatureRise;
 use crate::types::{Domain, Pose, Wrench};
+use crate::wrist::Wrist;
 
-pub(crate) use known::Knowledge;
-pub use known::Known;
+pub use crate::model::Known;
 use load::LoadFilter;
 pub use settings::{CompensatorSettings, OutsideBox, SettingsError};
 pub use stability::LoopGain;
@@ -184,14 +184,15 @@ pub struct Offset<T, const JOINTS: usize> {
 /// ```
 /// use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
 /// use pkm_core::nalgebra::Vector3;
-/// use pkm_core::{Pose, Wrench, tables::reference::{MACHINE_F64, TABLE_F64}};
+/// use pkm_core::{Model, Pose, Wrench, tables::reference::{MACHINE_F64, TABLE_F64}};
 ///
 /// let mut compensator = Compensator::<f64, 3>::new(&CompensatorSettings::DEFAULT)?;
 /// let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
 /// let wrench = Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), ..Wrench::ZERO };
 /// // every period
 /// let reading = Reading { enabled: true, wrench, rise: 0.0.into() };
-/// let offset = compensator.update(&TABLE_F64, &MACHINE_F64, &pose, Vector3::new(0.0, 0.0, 0.3), &reading);
+/// let model = Model::new(&MACHINE_F64, &TABLE_F64);
+/// let offset = compensator.update(&model, &pose, Vector3::new(0.0, 0.0, 0.3), &reading);
 /// let command = MACHINE_F64.inverse(&pose)?.q_m + offset.joints;
 /// assert!(offset.fault.is_none() && command.x > 0.5);
 /// # Ok::<(), Box<dyn core::error::Error>>(())
@@ -377,9 +378,7 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
 /// What to add to the screw lengths of a pose: the gain times the deflection under a load on the tip and what the weight does beyond
 /// the zeros, as far as both are known, and all of the thermal growth.
 fn offsets<T: Scalar, const N: usize>(
-    machine: &Machine<T>,
-    table: &CorrectionTable<'_, T>,
-    knowledge: &Knowledge<'_, T, N>,
+    model: &Model<'_, T, N>,
     (pose, posture, tip_m): (&Pose<T>, &Result<Posture<T>, KinematicsError>, Vector3<T>),
     load: &mut Load<'_, T, 3>,
     history: &mut LoadHistory<T>,
@@ -388,16 +387,17 @@ fn offsets<T: Scalar, const N: usize>(
         Ok(posture) => posture,
         Err(e) => return Err(CorrectionError::from(*e).into()),
     };
+    let machine = model.machine;
     load.add_weight(|carried| carried.on_tip(&posture.base(), tip_m));
     let wrench = &load.wrench.moved_to_a(tip_m);
-    let mut doubt = Doubt { table: knowledge.table, tip_m, variance_m2: Vector3::zeros() };
-    let at = (pose, posture);
-    let mut loaded = compensation::deflection_at(machine, Some(table), at, wrench, Some(history), Some(&mut doubt))?;
-    if let Some(learned) = knowledge.learned {
+    let mut doubt = Doubt { table: model.uncertainty, tip_m, variance_m2: Vector3::zeros() };
+    let (at, doubted) = ((pose, posture), Some(&mut doubt));
+    let mut loaded = compensation::deflection_at(machine, Some(model.table), at, wrench, Some(history), doubted)?;
+    if let Some(learned) = model.learned {
         learned.add_to(machine, posture, wrench, tip_m, (&mut loaded, &mut doubt.variance_m2))?;
         load.rise = load.rise.plus(learned.warmer_k());
     }
-    let known = knowledge.known(&doubt.variance_m2, &loaded.seen_at(tip_m).translation_m, &load.held_m());
+    let known = model.known(&doubt.variance_m2, &loaded.seen_at(tip_m).translation_m, &load.held_m());
     let share = known.as_ref().map_or(T::ONE, |known| known.share);
     let moved = loaded.times(load.gain * share).plus(&machine.thermal_deflection_at(posture, &load.rise)?);
     let offsets = machine.compensated_from(pose, posture, &moved, tip_m)?.lengths.q_m - posture.q;
@@ -408,144 +408,92 @@ impl<T: Scalar> Compensator<T, 3> {
     /// A period for the three screws, with a tip that is rigid with the moving platform. In `f32` the offset is within 0.3 µm
     /// of `f64`.
     ///
-    /// # Arguments
-    /// * `machine`: at its temperature, see [`Machine::at_temperature`]; `table`: of this machine.
-    /// * `pose`: where the machine should stand, without the compensation.
-    /// * `tip_m`: where the tip is in A-uvw, m.
-    #[inline(never)]
-    pub fn update(
-        &mut self,
-        table: &CorrectionTable<'_, T>,
-        machine: &Machine<T>,
-        pose: &Pose<T>,
-        tip_m: Vector3<T>,
-        reading: &Reading<T>,
-    ) -> Offset<T, 3> {
-        let posture = &machine.posture(pose);
-        let second = |way: &Vector3<T>| straight::straight(machine, posture.as_ref().ok()?, tip_m, way);
-        self.step((table, pose), reading, second, |load, history| {
-            offsets(machine, table, &Knowledge::NONE, (pose, posture, tip_m), load, history)
-        })
-    }
-
-    /// A period with the table's own uncertainty, and with what was learned if there is an estimator. Where the tip moves by less
-    /// than the expanded uncertainty of both together, only so great a share is compensated as it is of that:
-    /// [`Offset::known`] has both.
+    /// With the table's uncertainty in the model, or what was learned, no more is compensated than is known: where the tip moves by less
+    /// than the expanded uncertainty of both together, only so great a share is compensated as it is of that, and [`Offset::known`] has
+    /// both. Of what was learned, what is worth compensating of its changes since acceptance ([`Estimator::targets`]) is added to the
+    /// deflection of machine and table. What is learned and not compensated counts in the uncertainty.
     ///
     /// # Arguments
-    /// As of [`update`](Self::update); `uncertainty`: of this table, as `fit` has written it beside the table; `learned`: as of
-    /// [`update_learned`](Self::update_learned), `None::<&Estimator<f64, 0>>` without.
+    /// * `pose`: where the machine should stand, without the compensation.
+    /// * `tip_m`: where the tip is in A-uvw, m.
     ///
     /// ```
     /// use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
-    /// use pkm_core::estimation::Estimator;
     /// use pkm_core::nalgebra::Vector3;
     /// use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64, UNCERTAINTY_F64};
-    /// use pkm_core::{Pose, Wrench};
+    /// use pkm_core::{Model, Pose, Wrench};
     ///
     /// let mut compensator = Compensator::<f64, 3>::new(&CompensatorSettings::DEFAULT)?;
     /// let (pose, tip_m) = (Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 }, Vector3::new(0.0, 0.0, 0.3));
     /// let wrench = Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), ..Wrench::ZERO };
     /// let reading = Reading { enabled: true, wrench, rise: 0.0.into() };
-    /// let nothing_learned = None::<&Estimator<f64, 0>>;
-    /// let at = (&pose, tip_m);
-    /// let offset =
-    ///     compensator.update_known((&TABLE_F64, &UNCERTAINTY_F64), &MACHINE_F64, nothing_learned, at, &reading);
+    /// let model = Model::new(&MACHINE_F64, &TABLE_F64).with_uncertainty(&UNCERTAINTY_F64);
+    /// let offset = compensator.update(&model, &pose, tip_m, &reading);
     /// assert!(offset.known.is_some_and(|known| known.share == 1.0 && known.uncertainty.u95_m().z < 1e-6));
     /// # Ok::<(), Box<dyn core::error::Error>>(())
     /// ```
-    #[inline(never)]
-    pub fn update_known<const N: usize>(
+    #[inline(always)] // see `period`
+    pub fn update<const N: usize>(
         &mut self,
-        (table, uncertainty): (&CorrectionTable<'_, T>, &TableUncertainty<T>),
-        machine: &Machine<T>,
-        learned: Option<&Estimator<T, N>>,
-        (pose, tip_m): (&Pose<T>, Vector3<T>),
+        model: &Model<'_, T, N>,
+        pose: &Pose<T>,
+        tip_m: Vector3<T>,
         reading: &Reading<T>,
     ) -> Offset<T, 3> {
-        let knowledge = &Knowledge { table: Some(uncertainty), learned };
-        let posture = &machine.posture(pose);
-        let second = |way: &Vector3<T>| straight::straight(machine, posture.as_ref().ok()?, tip_m, way);
-        self.step((table, pose), reading, second, |load, history| {
-            offsets(machine, table, knowledge, (pose, posture, tip_m), load, history)
-        })
+        let Model { machine, table, uncertainty, learned } = *model;
+        self.period((machine, table), (uncertainty, learned), pose, tip_m, reading)
     }
 
-    /// A period with what was learned: the deflection by what is worth compensating of its changes since acceptance
-    /// ([`Estimator::targets`]) is added to that of machine and table. Where the tip moves by less than the expanded uncertainty of that,
-    /// only so great a share is compensated as it is of the uncertainty. What is learned and not compensated counts in the uncertainty.
-    ///
-    /// # Arguments
-    /// As of [`update`](Self::update); `learned` has taken its [step](Estimator::follow) of the period.
+    /// Takes references of their own: where the machine is a constant the compiler sees through them, but not through one to a model, and leaves
+    /// out the effects that the machine does not have (50 kB).
     #[inline(never)]
-    pub fn update_learned<const N: usize>(
+    fn period<const N: usize>(
         &mut self,
-        table: &CorrectionTable<'_, T>,
-        machine: &Machine<T>,
-        learned: &Estimator<T, N>,
-        (pose, tip_m): (&Pose<T>, Vector3<T>),
+        (machine, table): (&Machine<T>, &CorrectionTable<'_, T>),
+        (uncertainty, learned): (Option<&TableUncertainty<T>>, Option<&Estimator<T, N>>),
+        pose: &Pose<T>,
+        tip_m: Vector3<T>,
         reading: &Reading<T>,
     ) -> Offset<T, 3> {
-        let knowledge = &Knowledge { table: None, learned: Some(learned) };
+        let model = &Model { machine, table, uncertainty, learned };
         let posture = &machine.posture(pose);
         let second = |way: &Vector3<T>| straight::straight(machine, posture.as_ref().ok()?, tip_m, way);
-        self.step((table, pose), reading, second, |load, history| {
-            offsets(machine, table, knowledge, (pose, posture, tip_m), load, history)
-        })
+        self.step((table, pose), reading, second, |load, history| offsets(model, (pose, posture, tip_m), load, history))
     }
 }
 
 impl<T: Scalar> Compensator<T, 5> {
-    /// A period for all five axes: tip and axis of the tool are compensated.
+    /// A period for all five axes: tip and axis of the tool are compensated. What is known of the model counts as with three screws.
     ///
     /// # Arguments
-    /// * `five`: its machine at its temperature; `table`: of this machine.
     /// * `configuration`: where the axes should stand, without the compensation.
-    #[inline(never)]
-    pub fn update(
+    #[inline(always)] // see `period`
+    pub fn update<const N: usize>(
         &mut self,
-        table: &CorrectionTable<'_, T>,
-        five: &FiveAxis<'_, T>,
+        model: &Model<'_, T, N>,
+        wrist: &Wrist<T>,
         configuration: &Configuration<T>,
         reading: &Reading<T>,
     ) -> Offset<T, 5> {
-        let second = |way: &SVector<T, 5>| five.straight(configuration, way);
-        self.step((table, &configuration.pose), reading, second, |load, history| {
-            Ok(five.offsets(table, &Knowledge::NONE, configuration, load, history)?)
-        })
+        let Model { machine, table, uncertainty, learned } = *model;
+        self.period((machine, table), (uncertainty, learned), wrist, configuration, reading)
     }
 
-    /// A period with the table's own uncertainty, and with what was learned if there is an estimator; see the one for three screws.
+    /// As of three screws.
     #[inline(never)]
-    pub fn update_known<const N: usize>(
+    fn period<const N: usize>(
         &mut self,
-        (table, uncertainty): (&CorrectionTable<'_, T>, &TableUncertainty<T>),
-        five: &FiveAxis<'_, T>,
-        learned: Option<&Estimator<T, N>>,
+        (machine, table): (&Machine<T>, &CorrectionTable<'_, T>),
+        (uncertainty, learned): (Option<&TableUncertainty<T>>, Option<&Estimator<T, N>>),
+        wrist: &Wrist<T>,
         configuration: &Configuration<T>,
         reading: &Reading<T>,
     ) -> Offset<T, 5> {
-        let knowledge = &Knowledge { table: Some(uncertainty), learned };
+        let model = &Model { machine, table, uncertainty, learned };
+        let five = FiveAxis { machine, wrist };
         let second = |way: &SVector<T, 5>| five.straight(configuration, way);
         self.step((table, &configuration.pose), reading, second, |load, history| {
-            Ok(five.offsets(table, knowledge, configuration, load, history)?)
-        })
-    }
-
-    /// A period with what was learned; see the one for three screws.
-    #[inline(never)]
-    pub fn update_learned<const N: usize>(
-        &mut self,
-        table: &CorrectionTable<'_, T>,
-        five: &FiveAxis<'_, T>,
-        learned: &Estimator<T, N>,
-        configuration: &Configuration<T>,
-        reading: &Reading<T>,
-    ) -> Offset<T, 5> {
-        let knowledge = &Knowledge { table: None, learned: Some(learned) };
-        let second = |way: &SVector<T, 5>| five.straight(configuration, way);
-        self.step((table, &configuration.pose), reading, second, |load, history| {
-            Ok(five.offsets(table, knowledge, configuration, load, history)?)
+            Ok(five.offsets(model, configuration, load, history)?)
         })
     }
 }

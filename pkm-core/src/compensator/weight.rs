@@ -4,15 +4,17 @@ use core::fmt;
 
 use nalgebra::{Matrix3, SVector, Vector3};
 
-use super::{Fault, Knowledge, offsets};
+use super::{Fault, offsets};
 use crate::compensation::Load;
 use crate::correction::CorrectionTable;
 use crate::five_axis::{Configuration, FiveAxis};
 use crate::linalg::{is_finite, length};
 use crate::machine::Machine;
+use crate::model::Model;
 use crate::scalar::Scalar;
 use crate::stiffness::LoadHistory;
 use crate::types::{Domain, Pose, Wrench};
+use crate::wrist::Wrist;
 
 /// Greatest weight that is accepted, N: ten tonnes. Machines of this kind carry some hundred kilograms; more is a mass in grams, or
 /// a force that is none.
@@ -62,26 +64,27 @@ impl core::error::Error for WeightError {}
 /// What a machine carries, and what that did to it where it was zeroed: the zeros of the joints make up for that already. For
 /// [`Compensator::set_weight`](super::Compensator::set_weight).
 ///
-/// The reference is what `table` and `machine` say, so that another table needs another `CarriedWeight`. What it takes to make one
+/// The reference is what machine and table say, so that another table needs another `CarriedWeight`. What it takes to make one
 /// is the time of an update. One without a force is as none: it has no reference, and none is looked for.
 ///
 /// ```
 /// use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, Reading, Weight};
 /// use pkm_core::nalgebra::Vector3;
-/// use pkm_core::{Pose, Wrench, tables::reference::{MACHINE_F64, TABLE_F64}};
+/// use pkm_core::{Model, Pose, Wrench, tables::reference::{MACHINE_F64, TABLE_F64}};
 ///
 /// let (home, tip_m) = (Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 }, Vector3::new(0.0, 0.0, 0.3));
 /// // 80 kg, with x of B downwards
 /// let weight = Weight { force_n: Vector3::new(80.0 * 9.81, 0.0, 0.0), centre_m: Vector3::new(0.0, 0.0, 0.1) };
-/// let carried = CarriedWeight::<f64, 3>::new(&TABLE_F64, &MACHINE_F64, &weight, (&home, tip_m))?;
+/// let model = Model::new(&MACHINE_F64, &TABLE_F64);
+/// let carried = CarriedWeight::<f64, 3>::new(&model, &weight, &home, tip_m)?;
 /// let mut compensator = Compensator::<f64, 3>::new(&CompensatorSettings::DEFAULT)?;
 /// compensator.set_weight(Some(carried));
 ///
 /// let reading = Reading { enabled: true, wrench: Wrench::ZERO, rise: 0.0.into() };
-/// let offset = compensator.update(&TABLE_F64, &MACHINE_F64, &home, tip_m, &reading);
+/// let offset = compensator.update(&model, &home, tip_m, &reading);
 /// assert_eq!(offset.joints, Vector3::zeros());
 /// let elsewhere = Pose { theta_rad: 0.2, ..home };
-/// let offset = compensator.update(&TABLE_F64, &MACHINE_F64, &elsewhere, tip_m, &reading);
+/// let offset = compensator.update(&model, &elsewhere, tip_m, &reading);
 /// assert!(offset.joints.amax() > 1e-6);
 /// # Ok::<(), Box<dyn core::error::Error>>(())
 /// ```
@@ -162,21 +165,34 @@ impl<T: Scalar> CarriedWeight<T, 3> {
     /// For three screws: platform and tool in one.
     ///
     /// # Arguments
-    /// * `table`, `machine`: as of the updates; the machine at the temperature at which it was zeroed.
+    /// * `model`: as of the updates, with the machine at the temperature at which it was zeroed. Machine and table count: the reference is of
+    ///   all of the weight, however well it is known.
     /// * `weight`: only what no sensor shows.
-    /// * `zeroed_at`: where the machine was zeroed, with its tip in A-uvw, m.
+    /// * `zeroed_at`: where the machine was zeroed.
+    /// * `tip_m`: where the tip was in A-uvw, m.
     ///
     /// # Errors
     /// See [`WeightError`].
-    pub fn new(
-        table: &CorrectionTable<'_, T>,
-        machine: &Machine<T>,
+    #[inline(always)] // as the updates, for a machine that is a constant
+    pub fn new<const N: usize>(
+        model: &Model<'_, T, N>,
         weight: &Weight<T>,
-        (pose, tip_m): (&Pose<T>, Vector3<T>),
+        zeroed_at: &Pose<T>,
+        tip_m: Vector3<T>,
     ) -> Result<Self, WeightError> {
-        Self::with_reference(weight, &Weight::ZERO, table.domain(pose), |load| {
-            let at = (pose, &machine.posture(pose), tip_m);
-            let (joints, _) = offsets(machine, table, &Knowledge::NONE, at, load, &mut LoadHistory::new())?;
+        Self::referred((model.machine, model.table), weight, zeroed_at, tip_m)
+    }
+
+    fn referred(
+        (machine, table): (&Machine<T>, &CorrectionTable<'_, T>),
+        weight: &Weight<T>,
+        zeroed_at: &Pose<T>,
+        tip_m: Vector3<T>,
+    ) -> Result<Self, WeightError> {
+        let model = &Model::new(machine, table);
+        Self::with_reference(weight, &Weight::ZERO, table.domain(zeroed_at), |load| {
+            let at = (zeroed_at, &machine.posture(zeroed_at), tip_m);
+            let (joints, _) = offsets(model, at, load, &mut LoadHistory::new())?;
             Ok(joints)
         })
     }
@@ -191,22 +207,34 @@ impl<T: Scalar> CarriedWeight<T, 5> {
     /// For five axes.
     ///
     /// # Arguments
-    /// * `table`, `five`: as of the updates; the machine at the temperature at which it was zeroed.
+    /// * `model`: as of the updates, with the machine at the temperature at which it was zeroed. Machine and table count: the reference is of
+    ///   all of the weight, however well it is known.
     /// * `platform`: what is rigid with the platform, in A-uvw; `tool`: what turns with the tool, in its axes and from its tip. Only
     ///   what no sensor shows.
     /// * `zeroed_at`: where the machine was zeroed.
     ///
     /// # Errors
     /// See [`WeightError`].
-    pub fn new(
-        table: &CorrectionTable<'_, T>,
-        five: &FiveAxis<'_, T>,
+    #[inline(always)] // as the updates, for a machine that is a constant
+    pub fn new<const N: usize>(
+        model: &Model<'_, T, N>,
+        wrist: &Wrist<T>,
         platform: &Weight<T>,
         tool: &Weight<T>,
         zeroed_at: &Configuration<T>,
     ) -> Result<Self, WeightError> {
+        Self::referred((&FiveAxis { machine: model.machine, wrist }, model.table), platform, tool, zeroed_at)
+    }
+
+    fn referred(
+        (five, table): (&FiveAxis<'_, T>, &CorrectionTable<'_, T>),
+        platform: &Weight<T>,
+        tool: &Weight<T>,
+        zeroed_at: &Configuration<T>,
+    ) -> Result<Self, WeightError> {
+        let model = &Model::new(five.machine, table);
         Self::with_reference(platform, tool, table.domain(&zeroed_at.pose), |load| {
-            let (joints, _) = five.offsets(table, &Knowledge::NONE, zeroed_at, load, &mut LoadHistory::new())?;
+            let (joints, _) = five.offsets(model, zeroed_at, load, &mut LoadHistory::new())?;
             Ok(joints)
         })
     }

@@ -8,7 +8,7 @@
 //! - [`Estimator::follow`], every period: what is used for compensation goes to what is worth compensating of each change since acceptance
 //!   ([`Estimator::targets`]), no faster than its rate.
 //!
-//! [`Compensator::update_learned`](crate::Compensator::update_learned) compensates with it, and no more than is known.
+//! [`Model::with_learned`](crate::Model::with_learned) gives it to a compensator, which compensates no more of it than is known.
 //!
 //! | what | [`Refusal`] |
 //! |---|---|

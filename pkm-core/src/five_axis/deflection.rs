@@ -7,11 +7,11 @@ use super::{
     CompensatedTool, Configuration, FiveAxis, Tool, ToolDeflection, ToolDeflectionError, ToolError, ToolSolution,
 };
 use crate::compensation::{self, Doubt, Load};
-use crate::compensator::{Knowledge, Known};
 use crate::correction::{CorrectionTable, TableUncertainty};
 use crate::estimation::Estimator;
 use crate::kinematics::platform_axes;
 use crate::linalg::{self, axes, length, split, unit};
+use crate::model::{Known, Model};
 use crate::scalar::Scalar;
 use crate::stiffness::{self, LoadHistory, Stiffness, StiffnessError};
 use crate::thermal::TemperatureRise;
@@ -177,25 +177,24 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// beyond the zeros, and all of the thermal growth, undone by one Newton step.
     pub(crate) fn offsets<const N: usize>(
         &self,
-        table: &CorrectionTable<'_, T>,
-        knowledge: &Knowledge<'_, T, N>,
+        model: &Model<'_, T, N>,
         configuration: &Configuration<T>,
         load: &mut Load<'_, T, 5>,
         history: &mut LoadHistory<T>,
     ) -> Result<(SVector<T, 5>, Option<Known<T>>), ToolDeflectionError> {
         self.joints(configuration)?;
-        let mut doubt = self.doubt(knowledge.table, configuration.beta_rad);
+        let mut doubt = self.doubt(model.uncertainty, configuration.beta_rad);
         load.add_weight(|carried| carried.on_tool(self, configuration));
         // by reference: `?` would copy all of it
-        match &self.deflection_of(Some(table), configuration, &load.wrench, Some(history), Some(&mut doubt)) {
+        match &self.deflection_of(Some(model.table), configuration, &load.wrench, Some(history), Some(&mut doubt)) {
             Ok(loaded) => {
                 let ToolDeflection { translation_m, rotation_rad, .. } = *loaded;
                 let mut moved = Deflection { translation_m, rotation_rad };
-                if let Some(learned) = knowledge.learned {
+                if let Some(learned) = model.learned {
                     self.add_learned(learned, configuration, &load.wrench, &mut moved, &mut doubt)?;
                     load.rise = load.rise.plus(learned.warmer_k());
                 }
-                let known = knowledge.known(&doubt.variance_m2, &moved.translation_m, &load.held_m());
+                let known = model.known(&doubt.variance_m2, &moved.translation_m, &load.held_m());
                 if let Some(known) = &known {
                     moved = moved.times(known.share);
                 }

@@ -6,10 +6,12 @@ use pkm_core::machine::BodyKind;
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{
     Configuration, CorrectionError, CorrectionTable, Domain, FiveAxis, JointValues, KinematicsError, Machine,
-    MachineParameters, Pose, Scalar, ScrewLengths, TemperatureRise, ToolError, Wrench,
+    MachineParameters, Model, Pose, Scalar, ScrewLengths, TemperatureRise, ToolError, Wrench,
 };
 use pkm_tests::{between, cases, random_parameters, random_pose, seeded};
 
+/// Of the reference machine.
+pub const MODEL: Model<'static, f64> = Model::new(&MACHINE_F64, &TABLE_F64);
 const TIP_M: Vector3<f64> = Vector3::new(0.01, -0.02, 0.3);
 const POSE: Pose<f64> = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
 const OUTSIDE: Pose<f64> = Pose { theta_rad: 0.3, ..POSE };
@@ -43,7 +45,7 @@ fn compensator(settings: &CompensatorSettings) -> Compensator<f64, 3> {
 }
 
 fn update(compensator: &mut Compensator<f64, 3>, pose: &Pose<f64>, reading: &Reading<f64>) -> Offset<f64, 3> {
-    compensator.update(&TABLE_F64, &MACHINE_F64, pose, TIP_M, reading)
+    compensator.update(&MODEL, pose, TIP_M, reading)
 }
 
 fn settled(compensator: &mut Compensator<f64, 3>, pose: &Pose<f64>, reading: &Reading<f64>) -> Offset<f64, 3> {
@@ -128,7 +130,7 @@ fn gain_dead_band_and_growth_are_what_the_settings_say() {
     let steel = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
     let warm = Reading { rise: 10.0.into(), ..on(Wrench::ZERO) };
     let mut compensator = compensator(&CompensatorSettings { gain: 0.5, ..BARE });
-    let offset = compensator.update(&TABLE_F64, &steel, &POSE, TIP_M, &warm).joints;
+    let offset = compensator.update(&Model::new(&steel, &TABLE_F64), &POSE, TIP_M, &warm).joints;
     let grown = steel.thermal_deflection(&POSE, 10.0).unwrap();
     let (to, from) = (steel.compensated(&POSE, &grown, TIP_M).unwrap().lengths, steel.inverse(&POSE).unwrap());
     assert_eq!(offset, to.q_m - from.q_m);
@@ -214,7 +216,7 @@ fn a_limited_tool_stays_on_its_line() {
             five.forward(&JointValues { lengths: ScrewLengths { q_m }, beta_rad }).map(|(_, tool)| tool)
         };
         let mut free = Compensator::<f64, 5>::new(&BARE).unwrap();
-        let asked = free.update(&TABLE_F64, &five, &stands, &on(load));
+        let asked = free.update(&MODEL, five.wrist, &stands, &on(load));
         let (Ok(at), Ok(to)) = (moved(&SVector::zeros()), moved(&asked.joints)) else { continue };
         if asked.fault.is_some() || asked.limit != Limit::None {
             continue;
@@ -230,7 +232,7 @@ fn a_limited_tool_stays_on_its_line() {
         let mut met = [false; 2];
         let way = to.tip_m - at.tip_m;
         for period in 0..200 {
-            let offset = limited.update(&TABLE_F64, &five, &stands, &Reading { enabled: period < 100, ..on(load) });
+            let offset = limited.update(&MODEL, five.wrist, &stands, &Reading { enabled: period < 100, ..on(load) });
             met[0] |= offset.limit == Limit::Size;
             met[1] |= offset.limit == Limit::Rate;
             let Ok(tool) = moved(&offset.joints) else { panic!("{stands:?}") };
@@ -330,7 +332,7 @@ fn at_rise(
     machine: &Machine<f64>,
     rise: TemperatureRise<f64>,
 ) -> Offset<f64, 3> {
-    compensator.update(&TABLE_F64, machine, &POSE, TIP_M, &Reading { rise, ..on(Wrench::ZERO) })
+    compensator.update(&Model::new(machine, &TABLE_F64), &POSE, TIP_M, &Reading { rise, ..on(Wrench::ZERO) })
 }
 
 /// One sensor of four fails: its own last good reading stands in, and the others are followed.
@@ -374,7 +376,7 @@ fn a_sensor_that_comes_back_is_believed() {
     assert_eq!((at(8.5), at(7.9)), (lost, None));
     assert_eq!(at(60.0), lost);
     let off = Reading { enabled: false, ..on(Wrench::ZERO) };
-    compensator.update(&TABLE_F64, &steel, &POSE, TIP_M, &off);
+    compensator.update(&Model::new(&steel, &TABLE_F64), &POSE, TIP_M, &off);
     assert_eq!(at_rise(&mut compensator, &steel, 60.0.into()).fault, None);
 }
 
@@ -452,7 +454,7 @@ fn a_machine_on_a_margin_is_not_shaken() {
     let new = || Compensator::<f64, 5>::new(&settings).unwrap();
     let update = |compensator: &mut Compensator<f64, 5>, beta2_rad: f64| {
         let configuration = Configuration { pose: POSE, beta_rad: Vector2::new(0.0, beta2_rad) };
-        compensator.update(&TABLE_F64, &five, &configuration, &on(LOAD))
+        compensator.update(&MODEL, five.wrist, &configuration, &on(LOAD))
     };
     let (mut limit_rad, mut beyond_rad) = (0.0, 1.5);
     while beyond_rad - limit_rad > 1e-9 {
@@ -538,14 +540,14 @@ fn faulty_periods<T: Scalar>(
         read = wrench;
         let pose = Pose { theta_rad: number(pose[0]), sigma_rad: number(pose[1]), z0_m: number(pose[2]) };
         let reading = Reading { enabled, wrench: Wrench::from_vector(wrench.map(number).into()), rise };
-        let offset = compensator.update(table, five.machine, &pose, TIP_M.map(number), &reading);
+        let offset = compensator.update(&Model::new(five.machine, table), &pose, TIP_M.map(number), &reading);
         faults.insert(offset.fault.map(|f| f.to_string()));
         let now = offset.joints.map(T::to_f64);
         keeps_limits(settings, &last, &now);
         last = now;
         ever[0] = ever[0].max(now.amax());
         let stands = Configuration { pose, beta_rad: Vector2::new(number(0.9 * (0.13 * t).sin()), number(-0.2)) };
-        let now = of_five.update(table, five, &stands, &reading).joints.map(T::to_f64);
+        let now = of_five.update(&Model::new(five.machine, table), five.wrist, &stands, &reading).joints.map(T::to_f64);
         keeps_limits(settings, &last_of_five, &now);
         last_of_five = now;
         ever[1] = ever[1].max(now.fixed_rows::<2>(3).amax());
@@ -598,7 +600,7 @@ fn random_machines_are_kept_within_the_limits() {
             }
             let tip = Vector3::from_fn(|_, _| size * between(&mut rng, -1.0, 1.0));
             let reading = Reading { enabled: rng.u8(..) > 8, ..on(Wrench::from_vector(wrench.into())) };
-            let now = compensator.update(&table, &machine, &pose, tip, &reading).joints;
+            let now = compensator.update(&Model::new(&machine, &table), &pose, tip, &reading).joints;
             for i in 0..3 {
                 assert!(now[i].abs() <= settings.max_screw_m * (1.0 + 1e-12), "{now:?}");
                 assert!((now[i] - last[i]).abs() <= 5e-6 * (1.0 + 1e-9), "{now:?} after {last:?}");
@@ -622,7 +624,7 @@ fn five_axes_are_compensated_by_one_step() {
         let (Ok(tool), Ok(from)) = (five.tool(&stands), five.joints(&stands)) else { continue };
         let Ok(whole) = five.compensated(Some(&TABLE_F64), &tool, &wrench, &stands) else { continue };
         let mut compensator = Compensator::<f64, 5>::new(&BARE).unwrap();
-        let offset = compensator.update(&TABLE_F64, &five, &stands, &on(wrench));
+        let offset = compensator.update(&MODEL, five.wrist, &stands, &on(wrench));
         assert_eq!((offset.fault, offset.limit), (None, Limit::None));
         let [q1, q2, q3] = (whole.solution.joints.lengths.q_m - from.lengths.q_m).into();
         let [b1, b2] = (whole.solution.joints.beta_rad - from.beta_rad).into();
@@ -638,9 +640,9 @@ fn five_axes_refuse_with_a_code_and_fade() {
     let five = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
     let stands = Configuration { pose: POSE, beta_rad: Vector2::new(0.3, -0.2) };
     let mut compensator = Compensator::<f64, 5>::new(&BARE).unwrap();
-    assert!(compensator.update(&TABLE_F64, &five, &stands, &on(LOAD)).joints.iter().all(|o| *o != 0.0));
+    assert!(compensator.update(&MODEL, five.wrist, &stands, &on(LOAD)).joints.iter().all(|o| *o != 0.0));
     let turned = Configuration { beta_rad: Vector2::new(2.0, -0.2), ..stands };
-    let refused = compensator.update(&TABLE_F64, &five, &turned, &on(LOAD));
+    let refused = compensator.update(&MODEL, five.wrist, &turned, &on(LOAD));
     assert_eq!(refused.fault, Some(Fault::Tool(ToolError::WristLimit { joint: 1 })));
     assert_eq!(refused.joints, SVector::<f64, 5>::zeros());
 }

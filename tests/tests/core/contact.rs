@@ -12,6 +12,8 @@ use pkm_core::tables::reference::{MACHINE_F64, TABLE_F64, WRIST_F64};
 use pkm_core::{Configuration, FiveAxis, JointValues, Pose, ScrewLengths, StiffnessError, StiffnessFactor, Wrench};
 use pkm_tests::{between, cases, first, seeded};
 
+use crate::compensator::MODEL;
+
 const FIVE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
 
 const TIP_M: Vector3<f64> = Vector3::new(0.01, -0.02, 0.3);
@@ -98,7 +100,7 @@ fn run_screws(
     let tip_at = |offset: &Vector3<f64>| {
         axes.transpose() * (tip_of(&MACHINE_F64.forward(&ScrewLengths { q_m: lengths + offset }).unwrap()) - from)
     };
-    let update = |reading: &_| compensator.update(&TABLE_F64, &MACHINE_F64, pose, TIP_M, reading);
+    let update = |reading: &_| compensator.update(&MODEL, pose, TIP_M, reading);
     run(rng, servo, at, update, tip_at)
 }
 
@@ -116,7 +118,7 @@ fn run_five(
         let (_, tool) = FIVE.forward(&JointValues { lengths: ScrewLengths { q_m }, beta_rad }).unwrap();
         frame.axes.transpose() * (tool.tip_m - frame.tip_m)
     };
-    let update = |reading: &_| compensator.update(&TABLE_F64, &FIVE, stands, reading);
+    let update = |reading: &_| compensator.update(&MODEL, &WRIST_F64, stands, reading);
     run(rng, servo, at, update, tip_at)
 }
 
@@ -245,7 +247,7 @@ fn a_weight_leaves_the_loop_as_it_is() {
     let zero = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: 0.53 };
     let force_n = Vector3::new(600.0, -150.0, -480.0);
     let weight = Weight { force_n, centre_m: Vector3::new(0.02, -0.01, 0.1) };
-    let carried = CarriedWeight::<f64, 3>::new(&TABLE_F64, &MACHINE_F64, &weight, (&zero, TIP_M)).unwrap();
+    let carried = CarriedWeight::<f64, 3>::new(&MODEL, &weight, &zero, TIP_M).unwrap();
     for pose in poses_of_the_box(&mut rng, 4).iter().step_by(7) {
         let compliance = &tip_compliance(&TABLE_F64.factor_form(&MACHINE_F64, pose).unwrap().factor, TIP_M);
         let (from, axes) = (tip_of(pose), platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos()));
@@ -256,7 +258,7 @@ fn a_weight_leaves_the_loop_as_it_is() {
         let mut alone = Compensator::<f64, 3>::new(&settings).unwrap();
         alone.set_weight(Some(carried));
         let unloaded = Reading { enabled: true, wrench: Wrench::ZERO, rise: 0.0.into() };
-        (0..PERIODS).for_each(|_| _ = alone.update(&TABLE_F64, &MACHINE_F64, pose, TIP_M, &unloaded));
+        (0..PERIODS).for_each(|_| _ = alone.update(&MODEL, pose, TIP_M, &unloaded));
         // the real weight takes the tip to where it belongs
         let sags = at(&alone.joints());
         for stiffness in [1e6, 1e7, 1e8] {
@@ -267,7 +269,7 @@ fn a_weight_leaves_the_loop_as_it_is() {
                 let mut compensator = Compensator::<f64, 3>::new(&settings).unwrap();
                 compensator.set_weight(weight);
                 let sags = if weight.is_some() { sags } else { Vector3::zeros() };
-                let update = |reading: &_| compensator.update(&TABLE_F64, &MACHINE_F64, pose, TIP_M, reading);
+                let update = |reading: &_| compensator.update(&MODEL, pose, TIP_M, reading);
                 run(&mut Rng::with_seed(seed), SLOW, (compliance, &contact, pressed), update, |o| at(o) - sags)
             });
             assert_eq!((without.fault, with.fault, with.is_limited), (None, None, false));

@@ -12,8 +12,12 @@ use pkm_core::estimation::{
 use pkm_core::kinematics::platform_axes;
 use pkm_core::machine::{BodyKind, MachineParameters};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F64, WRIST_F64};
-use pkm_core::{Configuration, Deflection, Domain, FiveAxis, JointValues, Machine, Pose, Scalar, ScrewLengths, Wrench};
+use pkm_core::{
+    Configuration, Deflection, Domain, FiveAxis, JointValues, Machine, Model, Pose, Scalar, ScrewLengths, Wrench,
+};
 use pkm_tests::{between, cases, keep_worst, random_parameters, random_pose, seeded, structural_stiffness};
+
+use crate::compensator::MODEL;
 
 /// Every amplitude but the temperature, with its names as an element.
 fn compliances() -> Vec<(Amplitude, &'static str, &'static str)> {
@@ -1073,14 +1077,14 @@ fn a_compensator_uses_what_was_learned_and_no_more_than_is_known() {
     let offset = |estimator: &Estimator<f64, 6>, wrench: Wrench<f64>| {
         let mut compensator = Compensator::<f64, 3>::new(&settings).unwrap();
         let reading = Reading { enabled: true, wrench, rise: 0.0.into() };
-        let offset = compensator.update_learned(&TABLE_F64, &MACHINE_F64, estimator, (&pose, TIP_M), &reading);
+        let offset = compensator.update(&MODEL.with_learned(estimator), &pose, TIP_M, &reading);
         assert_eq!(offset.fault, None);
         offset.joints
     };
     let plain = {
         let mut compensator = Compensator::<f64, 3>::new(&settings).unwrap();
         let reading = Reading { enabled: true, wrench: push, rise: 0.0.into() };
-        compensator.update(&TABLE_F64, &MACHINE_F64, &pose, TIP_M, &reading).joints
+        compensator.update(&MODEL, &pose, TIP_M, &reading).joints
     };
     // before anything is known the deflection is greater than what is unknown of it: all of it is compensated
     assert!((offset(&estimator, push) - plain).amax() < 1e-15);
@@ -1125,8 +1129,13 @@ fn a_compensator_uses_what_was_learned_and_no_more_than_is_known() {
     let of_five = |estimator: Option<&Estimator<f64, 6>>| {
         let mut compensator = Compensator::<f64, 5>::new(&settings).unwrap();
         let offset = match estimator {
-            Some(learned) => compensator.update_learned(&TABLE_F64, &five, learned, &configuration, &reading),
-            None => compensator.update(&TABLE_F64, &five, &configuration, &reading),
+            Some(learned) => compensator.update(
+                &Model::new(five.machine, &TABLE_F64).with_learned(learned),
+                five.wrist,
+                &configuration,
+                &reading,
+            ),
+            None => compensator.update(&Model::new(five.machine, &TABLE_F64), five.wrist, &configuration, &reading),
         };
         assert_eq!(offset.fault, None);
         offset.joints

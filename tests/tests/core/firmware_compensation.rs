@@ -4,23 +4,25 @@ use pkm_core::compensator::{Fault, Weight, WeightError};
 use pkm_core::estimation::{TipReading, Touch};
 use pkm_core::nalgebra::{Vector3, Vector6};
 use pkm_core::tables::reference::{MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64};
-use pkm_core::{Basis, CorrectionTable, Deflection, Machine, MachineParameters, Pose, Wrench};
+use pkm_core::{Basis, CorrectionTable, Deflection, Machine, MachineParameters, Model, Pose, Wrench};
 use pkm_protocol::{Arithmetic, Carried, Demand};
 
+use crate::compensator::MODEL;
 use crate::estimation::drives;
 
 #[path = "../../../embed/firmware/src/compensation.rs"]
 mod firmware;
 
-use firmware::{Compensation, Model, Weighed};
+use firmware::{Compensation, Models, Weighed};
 
+const SINGLE: Model<'static, f32> = Model::new(&MACHINE_F32, &TABLE_F32);
 const PERIOD_S: f64 = 1e-3;
 /// Of a screw, by default.
 const RATE_M_PER_S: f64 = 5e-3;
 
 #[test]
 fn an_offset_does_not_leap_between_arithmetics() {
-    let model = Model { single: (&TABLE_F32, &MACHINE_F32), double: (&TABLE_F64, &MACHINE_F64) };
+    let models = Models { single: SINGLE, double: MODEL };
     // little is unknown, so that all is compensated
     let mut settings = drives();
     settings.amplitudes.iter_mut().for_each(|own| {
@@ -42,7 +44,7 @@ fn an_offset_does_not_leap_between_arithmetics() {
         let mut least = f64::INFINITY;
         for _ in 0..600 {
             let before = Vector3::from(task.offset_m);
-            task.period(&model, Some(demand(arithmetic)));
+            task.period(&models, Some(demand(arithmetic)));
             let step = (Vector3::from(task.offset_m) - before).amax();
             assert!(step <= 1.001 * RATE_M_PER_S * PERIOD_S, "{step:e} m in a period");
             least = least.min(size(task.offset_m));
@@ -58,7 +60,7 @@ fn an_offset_does_not_leap_between_arithmetics() {
 /// What was learned beyond a table is not compensated with another, and leaves at the rate limit.
 #[test]
 fn a_table_that_comes_is_not_added_to_what_was_learned() {
-    let model = Model { single: (&TABLE_F32, &MACHINE_F32), double: (&TABLE_F64, &MACHINE_F64) };
+    let models = Models { single: SINGLE, double: MODEL };
     let mut settings = drives();
     settings.amplitudes.iter_mut().for_each(|own| own.rate_per_s = own.deviation);
     let mut task = Compensation::new(&settings, PERIOD_S).unwrap();
@@ -72,7 +74,7 @@ fn a_table_that_comes_is_not_added_to_what_was_learned() {
     let settled = |task: &mut Compensation| {
         for _ in 0..2000 {
             let before = Vector3::from(task.offset_m);
-            task.period(&model, Some(demand));
+            task.period(&models, Some(demand));
             let step = (Vector3::from(task.offset_m) - before).amax();
             assert!(step <= 1.001 * RATE_M_PER_S * PERIOD_S, "{step:e} m in a period");
         }
@@ -131,8 +133,8 @@ fn a_weight_has_the_reference_of_the_table_in_service() {
     // which grows when it is warm
     let effects = PARAMETERS.effects.with("thermal-expansion", [11e-6, 14e-6, 0.0]).unwrap();
     let machine = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
-    let model = Model { single: (&TABLE_F32, &MACHINE_F32), double: (&TABLE_F64, &machine) };
-    let next = Model { double: (&other, &machine), ..model };
+    let models = Models { single: SINGLE, double: Model::new(&machine, &TABLE_F64) };
+    let next = Models { double: Model::new(&machine, &other), ..models };
 
     let mut task = Compensation::new(&drives(), PERIOD_S).unwrap();
     let demand = |pose, rises_k| Demand {
@@ -142,13 +144,13 @@ fn a_weight_has_the_reference_of_the_table_in_service() {
         tip_m: CARRIED.tip_m,
         rises_k,
     };
-    let mut settled = |model: &Model<'_>, weighed: Option<Weighed>, demand: Demand| {
+    let mut settled = |models: &Models<'_>, weighed: Option<Weighed>, demand: Demand| {
         if let Some(weighed) = &weighed {
             task.carry(weighed);
         }
         for _ in 0..200 {
             let before = Vector3::from(task.offset_m);
-            task.period(model, Some(demand));
+            task.period(models, Some(demand));
             let step = (Vector3::from(task.offset_m) - before).amax();
             assert!(step <= 1.001 * RATE_M_PER_S * PERIOD_S, "{step:e} m in a period");
         }
@@ -157,10 +159,10 @@ fn a_weight_has_the_reference_of_the_table_in_service() {
     let (home, away) = (CARRIED.zeroed_at, Pose { theta_rad: 0.2, ..CARRIED.zeroed_at });
     let none = ([0.0; 3], None);
     let cold = [Some(0.0); 4];
-    assert_eq!(settled(&model, None, demand(away, cold)), none);
-    let of_first = Weighed::new(&model, &CARRIED).unwrap();
-    assert_eq!(settled(&model, Some(of_first), demand(home, cold)), none);
-    let (offset, fault) = settled(&model, None, demand(away, cold));
+    assert_eq!(settled(&models, None, demand(away, cold)), none);
+    let of_first = Weighed::new(&models, &CARRIED).unwrap();
+    assert_eq!(settled(&models, Some(of_first), demand(home, cold)), none);
+    let (offset, fault) = settled(&models, None, demand(away, cold));
     assert!(Vector3::from(offset).amax() > 5e-6 && fault.is_none(), "{offset:?}");
     let of_second = Weighed::new(&next, &CARRIED).unwrap();
     assert_eq!(settled(&next, Some(of_second), demand(home, cold)), none);

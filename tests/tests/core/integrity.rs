@@ -12,8 +12,8 @@ use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, WRIST, WRIST_F32, WRIST_F64,
 };
 use pkm_core::{
-    Basis, CorrectionTable, FiveAxis, Machine, MachineParameters, Pose, Scalar, TableError, TableUncertainty, Wrench,
-    Wrist, WristParameters,
+    Basis, CorrectionTable, FiveAxis, Machine, MachineParameters, Model, Pose, Scalar, TableError, TableUncertainty,
+    Wrench, Wrist, WristParameters,
 };
 use pkm_tests::{between, cases, seeded};
 
@@ -338,7 +338,8 @@ fn a_change_of_table_makes_no_step() {
         let mut before = compensator.joints();
         let mut longest = 0.0_f64;
         for _ in 0..500 {
-            let now = compensator.update(table, &MACHINE_F64, &pose, [0.01, -0.02, 0.3].into(), &reading).joints;
+            let now =
+                compensator.update(&Model::new(&MACHINE_F64, table), &pose, [0.01, -0.02, 0.3].into(), &reading).joints;
             longest = longest.max((now - before).amax());
             before = now;
         }

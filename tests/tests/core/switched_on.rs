@@ -7,7 +7,7 @@ use pkm_core::compensator::{
 };
 use pkm_core::tables::reference::{PARAMETERS, TABLE_F32, TABLE_F64, WRIST_F32, WRIST_F64};
 use pkm_core::{
-    Configuration, CorrectionTable, FiveAxis, Machine, MachineParameters, Pose, Scalar, TemperatureRise, Wrench,
+    Configuration, CorrectionTable, FiveAxis, Machine, MachineParameters, Model, Pose, Scalar, TemperatureRise, Wrench,
 };
 use pkm_tests::{between, cases, seeded};
 
@@ -135,12 +135,13 @@ impl<T: Scalar> Runs<T, 3> for Compensator<T, 3> {
         at: &Place,
         enabled: bool,
     ) -> Offset<T, 3> {
-        self.update(table, five.machine, &pose(at), TIP_M.map(T::from_f64).into(), &reading(at, enabled))
+        let (model, tip_m) = (Model::new(five.machine, table), TIP_M.map(T::from_f64).into());
+        self.update(&model, &pose(at), tip_m, &reading(at, enabled))
     }
 
     fn carry(&mut self, table: &CorrectionTable<'_, T>, five: &FiveAxis<'_, T>, at: &Place, weights: &[Weight<T>; 2]) {
-        let zeroed_at = (&pose(at), TIP_M.map(T::from_f64).into());
-        self.set_weight(CarriedWeight::<T, 3>::new(table, five.machine, &weights[0], zeroed_at).ok());
+        let (model, tip_m) = (Model::new(five.machine, table), TIP_M.map(T::from_f64).into());
+        self.set_weight(CarriedWeight::<T, 3>::new(&model, &weights[0], &pose(at), tip_m).ok());
     }
 }
 
@@ -153,13 +154,15 @@ impl<T: Scalar> Runs<T, 5> for Compensator<T, 5> {
         enabled: bool,
     ) -> Offset<T, 5> {
         let beta_rad = Vector2::new(T::from_f64(at.beta[0]), T::from_f64(at.beta[1]));
-        self.update(table, five, &Configuration { pose: pose(at), beta_rad }, &reading(at, enabled))
+        let (model, stands) = (Model::new(five.machine, table), Configuration { pose: pose(at), beta_rad });
+        self.update(&model, five.wrist, &stands, &reading(at, enabled))
     }
 
     fn carry(&mut self, table: &CorrectionTable<'_, T>, five: &FiveAxis<'_, T>, at: &Place, weights: &[Weight<T>; 2]) {
         let beta_rad = Vector2::new(T::from_f64(at.beta[0]), T::from_f64(at.beta[1]));
         let zeroed_at = Configuration { pose: pose(at), beta_rad };
-        self.set_weight(CarriedWeight::<T, 5>::new(table, five, &weights[0], &weights[1], &zeroed_at).ok());
+        let (model, [platform, tool]) = (Model::new(five.machine, table), weights);
+        self.set_weight(CarriedWeight::<T, 5>::new(&model, five.wrist, platform, tool, &zeroed_at).ok());
     }
 }
 
@@ -245,7 +248,7 @@ fn at_once() -> Compensator<f64, 3> {
 fn at(compensator: &mut Compensator<f64, 3>, machine: &Machine<f64>, rise_k: f64) -> Offset<f64, 3> {
     let pose = Pose { theta_rad: 0.1, sigma_rad: -0.05, z0_m: 0.53 };
     let reading = Reading { enabled: true, wrench: Wrench::ZERO, rise: rise_k.into() };
-    compensator.update(&TABLE_F64, machine, &pose, Vector3::new(0.01, -0.02, 0.3), &reading)
+    compensator.update(&Model::new(machine, &TABLE_F64), &pose, Vector3::new(0.01, -0.02, 0.3), &reading)
 }
 
 /// A sensor says what it was reset to, or garbage, until its first conversion.
@@ -322,7 +325,11 @@ fn a_time_that_is_not_zero_is_one_period_at_least() {
         let settings = CompensatorSettings { period_s: 1.0, stuck_s, ..CompensatorSettings::DEFAULT };
         let mut c = Compensator::<f64, 3>::new(&settings).unwrap();
         let faults: Vec<_> = (0..6)
-            .map(|_| c.update(&TABLE_F64, &machine, &pose, Vector3::new(0.0, 0.0, 0.3), &reading).fault.is_some())
+            .map(|_| {
+                c.update(&Model::new(&machine, &TABLE_F64), &pose, Vector3::new(0.0, 0.0, 0.3), &reading)
+                    .fault
+                    .is_some()
+            })
             .collect();
         assert_eq!(faults.iter().position(|f| *f), Some(periods), "{stuck_s}: {faults:?}");
     }
@@ -361,8 +368,7 @@ fn what_f32_cannot_follow_is_refused() {
     let wrench = Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), ..Wrench::ZERO };
     let mut period = |enabled| {
         c.update(
-            &TABLE_F32,
-            &machine,
+            &Model::new(&machine, &TABLE_F32),
             &pose,
             Vector3::new(0.0, 0.0, 0.3),
             &Reading { enabled, wrench, rise: 0.0.into() },

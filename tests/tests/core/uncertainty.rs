@@ -9,8 +9,11 @@ use pkm_core::nalgebra::{Matrix3, Matrix6, Vector2, Vector3, Vector6};
 use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, UNCERTAINTY_F32, UNCERTAINTY_F64, WRIST_F64,
 };
-use pkm_core::{Configuration, CycleError, FiveAxis, Machine, Pose, StiffnessError, Wrench};
+use pkm_core::{Configuration, CycleError, FiveAxis, Machine, Model, Pose, StiffnessError, Wrench};
 
+use crate::compensator::MODEL;
+
+const KNOWN: Model<'static, f64> = MODEL.with_uncertainty(&UNCERTAINTY_F64);
 const TIP_M: Vector3<f64> = Vector3::new(0.03, -0.02, 0.3);
 /// ° and mm.
 const POSES: [[f64; 3]; 4] = [[0.0, 0.0, 530.0], [11.0, -9.0, 550.0], [-14.0, 14.0, 505.0], [17.0, -17.0, 570.0]];
@@ -167,24 +170,17 @@ fn reading() -> Reading<f64> {
 }
 
 /// A first period of a compensator that compensates no more than is known.
-fn known_offset<const N: usize>(
-    uncertainty: &TableUncertainty<f64>,
-    learned: Option<&Estimator<f64, N>>,
-    at: &Pose<f64>,
-    reading: &Reading<f64>,
-) -> Offset<f64, 3> {
-    let mut compensator = Compensator::<f64, 3>::new(&DIRECT).unwrap();
-    compensator.update_known((&TABLE_F64, uncertainty), &MACHINE_F64, learned, (at, TIP_M), reading)
+fn known_offset<const N: usize>(model: &Model<'_, f64, N>, at: &Pose<f64>, reading: &Reading<f64>) -> Offset<f64, 3> {
+    Compensator::<f64, 3>::new(&DIRECT).unwrap().update(model, at, TIP_M, reading)
 }
 
 #[test]
 fn a_compensator_compensates_no_more_than_is_known() {
     let at = pose(POSES[1]);
-    let nothing = None::<&Estimator<f64, 0>>;
-    let plain = Compensator::<f64, 3>::new(&DIRECT).unwrap().update(&TABLE_F64, &MACHINE_F64, &at, TIP_M, &reading());
+    let plain = known_offset(&MODEL, &at, &reading());
     assert_eq!((plain.known, plain.fault), (None, None));
     // a table that knows the deflection is compensated as without it
-    let sure = known_offset(&UNCERTAINTY_F64, nothing, &at, &reading());
+    let sure = known_offset(&KNOWN, &at, &reading());
     let cycle = TABLE_F64.cycle_known(&MACHINE_F64, &UNCERTAINTY_F64, &at, &push(), TIP_M).unwrap();
     assert_eq!(sure.known, Some(Known { uncertainty: cycle.uncertainty, share: 1.0 }));
     assert_eq!(sure.joints, plain.joints);
@@ -192,7 +188,7 @@ fn a_compensator_compensates_no_more_than_is_known() {
     let (s, rest, columns) = numbers();
     let unsure = TableUncertainty::<f64>::new(s.map(|s| s * 1e4), rest, columns).unwrap();
     let cycle = TABLE_F64.cycle_known(&MACHINE_F64, &unsure, &at, &push(), TIP_M).unwrap();
-    let part = known_offset(&unsure, nothing, &at, &reading());
+    let part = known_offset(&MODEL.with_uncertainty(&unsure), &at, &reading());
     assert!(cycle.share < 0.9);
     assert_eq!(part.known, Some(Known { uncertainty: cycle.uncertainty, share: cycle.share }));
     let commanded = cycle.cycle.compensated.lengths.q_m - cycle.cycle.lengths.q_m;
@@ -202,7 +198,7 @@ fn a_compensator_compensates_no_more_than_is_known() {
     let stands = Configuration { pose: at, beta_rad: Vector2::new(0.3, -0.2) };
     let of_five = |known| {
         let mut compensator = Compensator::<f64, 5>::new(&DIRECT).unwrap();
-        compensator.update_known((&TABLE_F64, known), &five, nothing, &stands, &reading())
+        compensator.update(&MODEL.with_uncertainty(known), five.wrist, &stands, &reading())
     };
     let (whole, part) = (of_five(&UNCERTAINTY_F64), of_five(&unsure));
     let (sure, share) = (whole.known.unwrap(), part.known.unwrap().share);
@@ -279,17 +275,20 @@ fn growth_that_was_learned_is_compensated_as_growth_that_is_read() {
             let warm = Reading { rise: applied_k.into(), ..cold };
             let settings = CompensatorSettings { gain, ..DIRECT };
             let three = || Compensator::<f64, 3>::new(&settings).unwrap();
-            let read = three().update(&TABLE_F64, &machine, &at, TIP_M, &warm).joints;
-            let found = three().update_learned(&TABLE_F64, &machine, &learned, (&at, TIP_M), &cold);
+            let read = three().update(&Model::new(&machine, &TABLE_F64), &at, TIP_M, &warm).joints;
+            let found = three().update(&Model::new(&machine, &TABLE_F64).with_learned(&learned), &at, TIP_M, &cold);
             assert!((found.joints - read).amax() < 1e-12 && read.amax() > 20e-6, "{found:?} {read:?}");
             let mut carrying = three();
-            carrying
-                .set_weight(Some(CarriedWeight::<f64, 3>::new(&TABLE_F64, &machine, &little, (&at, TIP_M)).unwrap()));
-            let carried = carrying.update_learned(&TABLE_F64, &machine, &learned, (&at, TIP_M), &cold);
+            carrying.set_weight(Some(
+                CarriedWeight::<f64, 3>::new(&Model::new(&machine, &TABLE_F64), &little, &at, TIP_M).unwrap(),
+            ));
+            let carried = carrying.update(&Model::new(&machine, &TABLE_F64).with_learned(&learned), &at, TIP_M, &cold);
             assert!((carried.joints - read).amax() < 1e-12);
             let of_five = || Compensator::<f64, 5>::new(&settings).unwrap();
-            let read = of_five().update(&TABLE_F64, &five, &stands, &warm).joints;
-            let found = of_five().update_learned(&TABLE_F64, &five, &learned, &stands, &cold).joints;
+            let read = of_five().update(&Model::new(five.machine, &TABLE_F64), five.wrist, &stands, &warm).joints;
+            let found = of_five()
+                .update(&Model::new(five.machine, &TABLE_F64).with_learned(&learned), five.wrist, &stands, &cold)
+                .joints;
             assert!((found - read).amax() < 1e-12 && read.amax() > 20e-6);
         }
     }
@@ -305,8 +304,8 @@ fn unknown_growth_takes_no_share_of_the_load() {
         let wrench = Wrench { force_n: Vector3::new(10.0 * f64::from(step), 0.0, 0.0), ..Wrench::ZERO };
         let reading = Reading { enabled: true, wrench, rise: 0.0.into() };
         let three = || Compensator::<f64, 3>::new(&DIRECT).unwrap();
-        let plain = three().update(&TABLE_F64, &machine, &at, TIP_M, &reading).joints;
-        let found = three().update_learned(&TABLE_F64, &machine, &unread, (&at, TIP_M), &reading);
+        let plain = three().update(&Model::new(&machine, &TABLE_F64), &at, TIP_M, &reading).joints;
+        let found = three().update(&Model::new(&machine, &TABLE_F64).with_learned(&unread), &at, TIP_M, &reading);
         let known = found.known.unwrap();
         assert_eq!((found.joints, known.share), (plain, 1.0));
         last = plain.amax();
@@ -318,13 +317,9 @@ fn unknown_growth_takes_no_share_of_the_load() {
 fn a_table_and_what_was_learned_are_doubted_together() {
     let at = pose(POSES[1]);
     let learned = of(Amplitude::compliance(Place::Body { limb: 1 }, Motion::Axial).unwrap(), 1e-9);
-    let together = known_offset(&UNCERTAINTY_F64, Some(&learned), &at, &reading()).known.unwrap();
-    let of_table = known_offset(&UNCERTAINTY_F64, None::<&Estimator<f64, 0>>, &at, &reading()).known.unwrap();
-    let alone = Compensator::<f64, 3>::new(&DIRECT)
-        .unwrap()
-        .update_learned(&TABLE_F64, &MACHINE_F64, &learned, (&at, TIP_M), &reading())
-        .known
-        .unwrap();
+    let together = known_offset(&KNOWN.with_learned(&learned), &at, &reading()).known.unwrap();
+    let of_table = known_offset(&KNOWN, &at, &reading()).known.unwrap();
+    let alone = known_offset(&MODEL.with_learned(&learned), &at, &reading()).known.unwrap();
     let sum = of_table.uncertainty.variance_m2 + alone.uncertainty.variance_m2;
     assert!(alone.uncertainty.variance_m2.amax() > 0.0);
     assert!((together.uncertainty.variance_m2 - sum).amax() <= 1e-15 * sum.amax());
@@ -332,17 +327,17 @@ fn a_table_and_what_was_learned_are_doubted_together() {
 
 #[test]
 fn nothing_is_known_where_nothing_is_compensated() {
-    let (at, nothing) = (pose(POSES[1]), None::<&Estimator<f64, 0>>);
+    let at = pose(POSES[1]);
     let off = Reading { enabled: false, ..reading() };
-    assert_eq!(known_offset(&UNCERTAINTY_F64, nothing, &at, &off).known, None);
-    let outside = known_offset(&UNCERTAINTY_F64, nothing, &pose(POSES[3]), &reading());
+    assert_eq!(known_offset(&KNOWN, &at, &off).known, None);
+    let outside = known_offset(&KNOWN, &pose(POSES[3]), &reading());
     assert_eq!((outside.known, outside.fault), (None, Some(Fault::OutsideBox)));
     let nowhere = Pose { theta_rad: 0.0, sigma_rad: 0.0, z0_m: f64::NAN };
-    assert_eq!(known_offset(&UNCERTAINTY_F64, nothing, &nowhere, &reading()).known, None);
+    assert_eq!(known_offset(&KNOWN, &nowhere, &reading()).known, None);
     // an uncertainty that overflows is a fault
     let (_, rest, columns) = numbers();
     let endless = TableUncertainty::<f64>::new([f64::MAX; 4], rest, columns.map(|c| c.map(|x| x * 1e200))).unwrap();
-    let found = known_offset(&endless, nothing, &at, &reading());
+    let found = known_offset(&MODEL.with_uncertainty(&endless), &at, &reading());
     assert_eq!((found.known, found.fault), (None, Some(StiffnessError::NotFinite.into())));
 }
 

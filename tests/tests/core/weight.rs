@@ -13,16 +13,17 @@ use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, UNCERTAINTY_F64, WRIST, WRIST_F32, WRIST_F64,
 };
 use pkm_core::{
-    Basis, Configuration, CorrectionTable, Domain, FiveAxis, Machine, MachineParameters, Pose, Scalar, ToolError,
-    Wrench,
+    Basis, Configuration, CorrectionTable, Domain, FiveAxis, Machine, MachineParameters, Model, Pose, Scalar,
+    ToolError, Wrench,
 };
 use pkm_tests::{
     between, cases, distance, keep_worst, random_parameters, random_pose, seeded, space, structural_stiffness,
 };
 
-use crate::compensator::{BARE as WHOLE, LOAD, on};
+use crate::compensator::{BARE as WHOLE, LOAD, MODEL, on};
 use crate::estimation::drives;
 
+const ON_PLAIN: Model<'static, f64> = Model::new(&MACHINE_F64, &PLAIN);
 const FIVE: FiveAxis<'static, f64> = FiveAxis { machine: &MACHINE_F64, wrist: &WRIST_F64 };
 const TIP_M: Vector3<f64> = Vector3::new(0.01, -0.02, 0.3);
 const HOME: Configuration<f64> =
@@ -39,11 +40,11 @@ const BARE: CompensatorSettings = CompensatorSettings { gain: 0.7, ..WHOLE };
 
 /// Of the reference machine.
 fn of_screws() -> CarriedWeight<f64, 3> {
-    CarriedWeight::<f64, 3>::new(&TABLE_F64, &MACHINE_F64, &PLATFORM, (&HOME.pose, TIP_M)).unwrap()
+    CarriedWeight::<f64, 3>::new(&MODEL, &PLATFORM, &HOME.pose, TIP_M).unwrap()
 }
 
 fn of_axes() -> CarriedWeight<f64, 5> {
-    CarriedWeight::<f64, 5>::new(&TABLE_F64, &FIVE, &PLATFORM, &TOOL, &HOME).unwrap()
+    CarriedWeight::<f64, 5>::new(&MODEL, &WRIST_F64, &PLATFORM, &TOOL, &HOME).unwrap()
 }
 
 fn screws(settings: &CompensatorSettings) -> Compensator<f64, 3> {
@@ -59,7 +60,7 @@ fn axes(settings: &CompensatorSettings) -> Compensator<f64, 5> {
 }
 
 fn update(compensator: &mut Compensator<f64, 3>, pose: &Pose<f64>, reading: &Reading<f64>) -> Offset<f64, 3> {
-    compensator.update(&TABLE_F64, &MACHINE_F64, pose, TIP_M, reading)
+    compensator.update(&MODEL, pose, TIP_M, reading)
 }
 
 fn settled(compensator: &mut Compensator<f64, 3>, pose: &Pose<f64>, reading: &Reading<f64>) -> Offset<f64, 3> {
@@ -77,18 +78,20 @@ fn a_weight_of_no_force_is_none() {
     let loose = PARAMETERS.effects.with_element("limb.1.body", "axial", "load", [0.0, 0.0, 0.0, 0.0, 1e-5, 20.0]);
     let loose = MachineParameters { effects: loose.unwrap(), ..PARAMETERS };
     let machine = Machine::<f64>::new(&loose).unwrap();
-    let of_screws = CarriedWeight::<f64, 3>::new(&TABLE_F64, &machine, &nothing, (&outside, TIP_M)).unwrap();
+    let of_screws = CarriedWeight::<f64, 3>::new(&Model::new(&machine, &TABLE_F64), &nothing, &outside, TIP_M).unwrap();
     let five = FiveAxis { machine: &machine, ..FIVE };
     let away = Configuration { pose: outside, ..HOME };
-    let of_axes = CarriedWeight::<f64, 5>::new(&TABLE_F64, &five, &nothing, &Weight::ZERO, &away).unwrap();
+    let of_axes =
+        CarriedWeight::<f64, 5>::new(&Model::new(five.machine, &TABLE_F64), five.wrist, &nothing, &Weight::ZERO, &away)
+            .unwrap();
     let reading = Reading { enabled: true, wrench: LOAD, rise: 0.0.into() };
     let offsets = |screws, axes| {
         let mut of_screws = Compensator::<f64, 3>::new(&BARE).unwrap();
         of_screws.set_weight(screws);
         let mut of_axes = Compensator::<f64, 5>::new(&BARE).unwrap();
         of_axes.set_weight(axes);
-        let screws = of_screws.update(&TABLE_F64, &machine, &PLACE.pose, TIP_M, &reading).joints;
-        (screws, of_axes.update(&TABLE_F64, &five, &PLACE, &reading).joints)
+        let screws = of_screws.update(&Model::new(&machine, &TABLE_F64), &PLACE.pose, TIP_M, &reading).joints;
+        (screws, of_axes.update(&Model::new(&machine, &TABLE_F64), five.wrist, &PLACE, &reading).joints)
     };
     let without = offsets(None, None);
     assert!(without.0.amax() > 1e-6 && without.1.amax() > 1e-6);
@@ -260,10 +263,10 @@ fn three_screws_are_what_statics_and_the_structural_matrix_say() {
         // so light that the machine answers in proportion
         let unit = [&pose, &zero].map(|pose| screws_against(&parameters, pose, tip_m, &weight).amax());
         weight.force_n *= 1e-7 * size / unit[0].max(unit[1]);
-        let carried = CarriedWeight::<f64, 3>::new(&PLAIN, &machine, &weight, (&zero, tip_m)).unwrap();
+        let carried = CarriedWeight::<f64, 3>::new(&Model::new(&machine, &PLAIN), &weight, &zero, tip_m).unwrap();
         let mut compensator = Compensator::<f64, 3>::new(&BARE).unwrap();
         compensator.set_weight(Some(carried));
-        let found = compensator.update(&PLAIN, &machine, &pose, tip_m, &on(Wrench::ZERO));
+        let found = compensator.update(&Model::new(&machine, &PLAIN), &pose, tip_m, &on(Wrench::ZERO));
         assert_eq!((found.fault, found.limit), (None, Limit::None), "{case}");
         let [here, there] = [&pose, &zero].map(|pose| screws_against(&parameters, pose, tip_m, &weight));
         keep_worst(&mut worst, share_apart(&found.joints, &here, &there));
@@ -290,7 +293,7 @@ fn five_axes_are_what_statics_and_the_structural_matrix_say() {
         };
         let (platform, tool) = (weight(0.08), weight(0.03));
         let refused = |e| matches!(e, WeightError::NoReference(Fault::Tool(ToolError::Singular)));
-        let carried = match CarriedWeight::<f64, 5>::new(&PLAIN, &FIVE, &platform, &tool, &zero) {
+        let carried = match CarriedWeight::<f64, 5>::new(&ON_PLAIN, &WRIST_F64, &platform, &tool, &zero) {
             Ok(carried) => carried,
             Err(e) => {
                 assert!(refused(e), "{e}");
@@ -299,7 +302,7 @@ fn five_axes_are_what_statics_and_the_structural_matrix_say() {
         };
         let mut compensator = Compensator::<f64, 5>::new(&BARE).unwrap();
         compensator.set_weight(Some(carried));
-        let found = compensator.update(&PLAIN, &FIVE, &stands, &on(Wrench::ZERO));
+        let found = compensator.update(&ON_PLAIN, &WRIST_F64, &stands, &on(Wrench::ZERO));
         if found.fault == Some(Fault::Tool(ToolError::Singular)) {
             continue;
         }
@@ -322,18 +325,16 @@ fn a_hundred_kilograms_are_compensated_by_one_step() {
         let pose = Pose { theta_rad: within(0.24), sigma_rad: within(0.24), z0_m: 0.53 + within(0.028) };
         let stands = Configuration { pose, beta_rad: Vector2::new(within(1.2), -0.3 + within(0.3)) };
         let mut three = Compensator::<f64, 3>::new(&BARE).unwrap();
-        three.set_weight(Some(
-            CarriedWeight::<f64, 3>::new(&PLAIN, &MACHINE_F64, &PLATFORM, (&HOME.pose, TIP_M)).unwrap(),
-        ));
-        let found = three.update(&PLAIN, &MACHINE_F64, &pose, TIP_M, &on(Wrench::ZERO)).joints;
+        three.set_weight(Some(CarriedWeight::<f64, 3>::new(&ON_PLAIN, &PLATFORM, &HOME.pose, TIP_M).unwrap()));
+        let found = three.update(&ON_PLAIN, &pose, TIP_M, &on(Wrench::ZERO)).joints;
         let [here, there] = [&pose, &HOME.pose].map(|pose| screws_against(&PARAMETERS, pose, TIP_M, &PLATFORM));
         keep_worst(&mut worst[0], share_apart(&found, &here, &there));
         let mut five = Compensator::<f64, 5>::new(&BARE).unwrap();
-        five.set_weight(Some(CarriedWeight::<f64, 5>::new(&PLAIN, &FIVE, &PLATFORM, &TOOL, &HOME).unwrap()));
-        let offset = five.update(&PLAIN, &FIVE, &stands, &on(Wrench::ZERO));
+        five.set_weight(Some(CarriedWeight::<f64, 5>::new(&ON_PLAIN, &WRIST_F64, &PLATFORM, &TOOL, &HOME).unwrap()));
+        let offset = five.update(&ON_PLAIN, &WRIST_F64, &stands, &on(Wrench::ZERO));
         let [here, there] = [&stands, &HOME].map(|stands| axes_against(stands, &PLATFORM, &TOOL));
         keep_worst(&mut worst[1], share_apart(&offset.joints, &here, &there));
-        let table = axes(&BARE).update(&TABLE_F64, &FIVE, &stands, &on(Wrench::ZERO)).joints;
+        let table = axes(&BARE).update(&MODEL, &WRIST_F64, &stands, &on(Wrench::ZERO)).joints;
         let asked = update(&mut screws(&BARE), &pose, &on(Wrench::ZERO)).joints;
         keep_worst(&mut largest[0], asked.amax());
         keep_worst(&mut largest[1], table.fixed_rows::<3>(0).amax());
@@ -349,24 +350,20 @@ fn a_hundred_kilograms_are_compensated_by_one_step() {
 fn where_the_machine_was_zeroed_there_is_nothing_to_do() {
     let (mut three, mut five) = (screws(&BARE), axes(&BARE));
     assert_eq!(update(&mut three, &HOME.pose, &on(Wrench::ZERO)).joints, Vector3::zeros());
-    assert_eq!(five.update(&TABLE_F64, &FIVE, &HOME, &on(Wrench::ZERO)).joints, SVector::<f64, 5>::zeros());
+    assert_eq!(five.update(&MODEL, &WRIST_F64, &HOME, &on(Wrench::ZERO)).joints, SVector::<f64, 5>::zeros());
     // nor where only a share of it is known
-    let doubted = three.update_known(
-        (&TABLE_F64, &UNCERTAINTY_F64),
-        &MACHINE_F64,
-        None::<&Estimator<f64, 0>>,
-        (&HOME.pose, TIP_M),
-        &on(Wrench::ZERO),
-    );
+    let known = MODEL.with_uncertainty(&UNCERTAINTY_F64);
+    let doubted = three.update(&known, &HOME.pose, TIP_M, &on(Wrench::ZERO));
     assert!(doubted.known.is_some() && doubted.joints.amax() < 1e-15, "{doubted:?}");
     assert!(update(&mut three, &PLACE.pose, &on(Wrench::ZERO)).joints.amax() > 1e-6);
     // a machine that rubs remembers the weight and the load, not the way to the place
     let effects = PARAMETERS.effects.with("friction-hysteresis", [2e-6, 0.0, 50.0]).unwrap();
     let rubbing = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
-    let carried = CarriedWeight::<f64, 3>::new(&TABLE_F64, &rubbing, &PLATFORM, (&HOME.pose, TIP_M)).unwrap();
+    let carried =
+        CarriedWeight::<f64, 3>::new(&Model::new(&rubbing, &TABLE_F64), &PLATFORM, &HOME.pose, TIP_M).unwrap();
     let mut compensator = Compensator::<f64, 3>::new(&BARE).unwrap();
     compensator.set_weight(Some(carried));
-    let mut at = |wrench| compensator.update(&TABLE_F64, &rubbing, &HOME.pose, TIP_M, &on(wrench)).joints;
+    let mut at = |wrench| compensator.update(&Model::new(&rubbing, &TABLE_F64), &HOME.pose, TIP_M, &on(wrench)).joints;
     assert_eq!(at(Wrench::ZERO), Vector3::zeros());
     at(LOAD);
     assert!(at(Wrench::ZERO).amax() > 1e-7, "the load left no lag");
@@ -378,10 +375,10 @@ fn where_the_machine_was_zeroed_there_is_nothing_to_do() {
 fn a_mirror_image_has_mirrored_offsets() {
     let machine = &MACHINE_F64;
     let offset = |zero: &Pose<f64>, pose: &Pose<f64>, weight: &Weight<f64>, tip_m| {
-        let carried = CarriedWeight::<f64, 3>::new(&PLAIN, machine, weight, (zero, tip_m)).unwrap();
+        let carried = CarriedWeight::<f64, 3>::new(&Model::new(machine, &PLAIN), weight, zero, tip_m).unwrap();
         let mut compensator = Compensator::<f64, 3>::new(&BARE).unwrap();
         compensator.set_weight(Some(carried));
-        compensator.update(&PLAIN, machine, pose, tip_m, &on(Wrench::ZERO)).joints
+        compensator.update(&Model::new(machine, &PLAIN), pose, tip_m, &on(Wrench::ZERO)).joints
     };
     let beside = |v: Vector3<f64>| Vector3::new(v.x, -v.y, v.z);
     let across = |pose: &Pose<f64>| Pose { sigma_rad: -pose.sigma_rad, ..*pose };
@@ -423,7 +420,7 @@ fn a_weight_is_no_reading() {
     assert_eq!((lost.joints, lost.fault), (whole, Some(Fault::WrenchNotFinite)));
     // of five axes alike
     let five = |compensator: &mut Compensator<f64, 5>, wrench| {
-        compensator.update(&TABLE_F64, &FIVE, &PLACE, &on(wrench)).joints
+        compensator.update(&MODEL, &WRIST_F64, &PLACE, &on(wrench)).joints
     };
     let whole = five(&mut axes(&BARE), Wrench::ZERO);
     assert_eq!(five(&mut axes(&strict), Wrench::ZERO), whole);
@@ -437,9 +434,8 @@ fn it_comes_and_goes_within_the_limits() {
     let d = CompensatorSettings { stuck_s: 0.0, ..CompensatorSettings::DEFAULT };
     let longest = 1.000001 * d.screw_rate_m_per_s * d.period_s;
     let heavier = |weight: &Weight<f64>| Weight { force_n: weight.force_n * 3.0, ..*weight };
-    let again =
-        CarriedWeight::<f64, 3>::new(&TABLE_F64, &MACHINE_F64, &heavier(&PLATFORM), (&HOME.pose, TIP_M)).unwrap();
-    let elsewhere = CarriedWeight::<f64, 3>::new(&PLAIN, &MACHINE_F64, &PLATFORM, (&HOME.pose, TIP_M)).unwrap();
+    let again = CarriedWeight::<f64, 3>::new(&MODEL, &heavier(&PLATFORM), &HOME.pose, TIP_M).unwrap();
+    let elsewhere = CarriedWeight::<f64, 3>::new(&ON_PLAIN, &PLATFORM, &HOME.pose, TIP_M).unwrap();
     let mut compensator = Compensator::<f64, 3>::new(&d).unwrap();
     let mut last = Vector3::zeros();
     let mut ends = Vec::new();
@@ -456,7 +452,7 @@ fn it_comes_and_goes_within_the_limits() {
         let pose = if phase == 6 { Pose { theta_rad: 0.4, ..PLACE.pose } } else { PLACE.pose };
         for _ in 0..300 {
             let reading = Reading { enabled: phase != 4, ..on(Wrench::ZERO) };
-            let offset = compensator.update(table, &MACHINE_F64, &pose, TIP_M, &reading);
+            let offset = compensator.update(&Model::new(&MACHINE_F64, table), &pose, TIP_M, &reading);
             assert!((offset.joints - last).amax() <= longest, "{phase}");
             assert_eq!(offset.fault, (phase == 6).then_some(Fault::OutsideBox));
             last = offset.joints;
@@ -496,30 +492,24 @@ fn a_reset_keeps_the_weight() {
 #[test]
 fn of_a_weight_no_more_is_compensated_than_is_known() {
     let learned = Estimator::<f64, 6>::new(&drives()).unwrap();
-    let at = (&PLACE.pose, TIP_M);
     let whole = update(&mut screws(&BARE), &PLACE.pose, &on(Wrench::ZERO)).joints;
-    let certain = screws(&BARE).update_known(
-        (&TABLE_F64, &UNCERTAINTY_F64),
-        &MACHINE_F64,
-        None::<&Estimator<f64, 0>>,
-        at,
-        &on(Wrench::ZERO),
-    );
+    let known = MODEL.with_uncertainty(&UNCERTAINTY_F64);
+    let certain = screws(&BARE).update(&known, &PLACE.pose, TIP_M, &on(Wrench::ZERO));
     assert_eq!((certain.joints, certain.known.unwrap().share), (whole, 1.0));
-    let doubted = screws(&BARE).update_learned(&TABLE_F64, &MACHINE_F64, &learned, at, &on(Wrench::ZERO));
+    let doubted = screws(&BARE).update(&MODEL.with_learned(&learned), &PLACE.pose, TIP_M, &on(Wrench::ZERO));
     let known = doubted.known.unwrap();
     assert!(known.uncertainty.u95_m().amax() > 0.0);
     // at the start nothing is learned: the same deflection, as far as it is known
     assert!((doubted.joints - whole * known.share).amax() < 1e-3 * whole.amax(), "{doubted:?} {whole:?}");
-    let five = axes(&BARE).update_learned(&TABLE_F64, &FIVE, &learned, &PLACE, &on(Wrench::ZERO));
-    let whole = axes(&BARE).update(&TABLE_F64, &FIVE, &PLACE, &on(Wrench::ZERO)).joints;
+    let five = axes(&BARE).update(&MODEL.with_learned(&learned), &WRIST_F64, &PLACE, &on(Wrench::ZERO));
+    let whole = axes(&BARE).update(&MODEL, &WRIST_F64, &PLACE, &on(Wrench::ZERO)).joints;
     assert!((five.joints - whole * five.known.unwrap().share).amax() < 2e-3 * whole.amax());
 }
 
 /// Where the load on the tip cancels the weight, next to nothing moves the tip; what the zeros hold is known as before.
 #[test]
 fn a_load_that_cancels_the_weight_leaves_the_reference() {
-    let at = (&HOME.pose, TIP_M);
+    let at = &HOME.pose;
     let sag = |wrench: &Wrench<f64>| {
         let wrench = wrench.moved_to_a(TIP_M);
         let moved = MACHINE_F64.deflection(Some(&TABLE_F64), &HOME.pose, &wrench, &Wrench::ZERO).unwrap();
@@ -533,21 +523,19 @@ fn a_load_that_cancels_the_weight_leaves_the_reference() {
     let cancels_n = -compliance.try_inverse().unwrap() * sag(&weight) / BARE.gain;
     for share in [0.99, 1.0, 1.01] {
         let reading = on(force(cancels_n * share));
-        let whole = screws(&BARE).update(&TABLE_F64, &MACHINE_F64, at.0, at.1, &reading).joints;
+        let whole = screws(&BARE).update(&MODEL, at, TIP_M, &reading).joints;
         assert!(whole.amax() > 20e-6, "{whole:?}");
-        let table = (&TABLE_F64, &UNCERTAINTY_F64);
-        let known = screws(&BARE).update_known(table, &MACHINE_F64, None::<&Estimator<f64, 0>>, at, &reading);
+        let known = screws(&BARE).update(&MODEL.with_uncertainty(&UNCERTAINTY_F64), at, TIP_M, &reading);
         assert_eq!((known.joints, known.known.unwrap().share), (whole, 1.0));
     }
 }
 
 #[test]
 fn what_cannot_be_a_weight_is_refused() {
-    let new = |weight: &Weight<f64>, pose: &Pose<f64>| {
-        CarriedWeight::<f64, 3>::new(&TABLE_F64, &MACHINE_F64, weight, (pose, TIP_M)).map(|_| ())
-    };
+    let new =
+        |weight: &Weight<f64>, pose: &Pose<f64>| CarriedWeight::<f64, 3>::new(&MODEL, weight, pose, TIP_M).map(|_| ());
     let five = |platform: &Weight<f64>, tool: &Weight<f64>, zero: &Configuration<f64>| {
-        CarriedWeight::<f64, 5>::new(&TABLE_F64, &FIVE, platform, tool, zero).map(|_| ())
+        CarriedWeight::<f64, 5>::new(&MODEL, &WRIST_F64, platform, tool, zero).map(|_| ())
     };
     let force = |x: f64| Weight { force_n: Vector3::new(x, 0.0, 0.0), ..PLATFORM };
     let centre = |x: f64| Weight { centre_m: Vector3::new(0.0, 0.0, x), ..PLATFORM };
@@ -591,10 +579,10 @@ fn narrow(v: Vector3<f64>) -> Vector3<f32> {
 fn single_precision_follows() {
     let mut rng = seeded();
     let slim = |weight: &Weight<f64>| Weight { force_n: narrow(weight.force_n), centre_m: narrow(weight.centre_m) };
-    let single = FiveAxis { machine: &MACHINE_F32, wrist: &WRIST_F32 };
+    let model = &Model::new(&MACHINE_F32, &TABLE_F32);
     let home = HOME.narrow();
-    let three = CarriedWeight::<f32, 3>::new(&TABLE_F32, &MACHINE_F32, &slim(&PLATFORM), (&home.pose, narrow(TIP_M)));
-    let five = CarriedWeight::<f32, 5>::new(&TABLE_F32, &single, &slim(&PLATFORM), &slim(&TOOL), &home);
+    let three = CarriedWeight::<f32, 3>::new(model, &slim(&PLATFORM), &home.pose, narrow(TIP_M));
+    let five = CarriedWeight::<f32, 5>::new(model, &WRIST_F32, &slim(&PLATFORM), &slim(&TOOL), &home);
     let (three, five) = (three.unwrap(), five.unwrap());
     let mut worst = [0.0; 3];
     for _ in 0..cases(1000) {
@@ -607,13 +595,13 @@ fn single_precision_follows() {
         let mut rough = Compensator::<f32, 3>::new(&BARE).unwrap();
         rough.set_weight(Some(three));
         let reading = Reading { enabled: true, wrench: Wrench::ZERO, rise: 0.0.into() };
-        let found = rough.update(&TABLE_F32, &MACHINE_F32, &at.pose, narrow(TIP_M), &reading).joints;
+        let found = rough.update(model, &at.pose, narrow(TIP_M), &reading).joints;
         let exact = update(&mut screws(&BARE), &stands.pose, &on(Wrench::ZERO)).joints;
         keep_worst(&mut worst[0], (found.cast::<f64>() - exact).amax());
         let mut rough = Compensator::<f32, 5>::new(&BARE).unwrap();
         rough.set_weight(Some(five));
-        let found = rough.update(&TABLE_F32, &single, &at, &reading).joints.cast::<f64>();
-        let exact = axes(&BARE).update(&TABLE_F64, &FIVE, &stands, &on(Wrench::ZERO)).joints;
+        let found = rough.update(model, &WRIST_F32, &at, &reading).joints.cast::<f64>();
+        let exact = axes(&BARE).update(&MODEL, &WRIST_F64, &stands, &on(Wrench::ZERO)).joints;
         let off = found - exact;
         keep_worst(&mut worst[1], off.fixed_rows::<3>(0).amax());
         keep_worst(&mut worst[2], off.fixed_rows::<2>(3).amax());

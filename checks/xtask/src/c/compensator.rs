@@ -3,7 +3,7 @@
 use pkm_core::compensator::{
     CarriedWeight, Compensator, CompensatorSettings, Fault, Limit, Offset, Reading, Weight, WeightError,
 };
-use pkm_core::{Configuration, CorrectionTable, Domain, FiveAxis, Pose, Scalar, TemperatureRise, Wrench};
+use pkm_core::{Configuration, CorrectionTable, Domain, FiveAxis, Model, Pose, Scalar, TemperatureRise, Wrench};
 
 use crate::qemu::Host;
 
@@ -140,13 +140,14 @@ fn both_kinds<T: Scalar>(
     };
     let platform = weight([600.0, -150.0, -480.0], [0.02, -0.01, 0.1]);
     let tool = weight([150.0, -37.5, -120.0], [0.12, 0.01, -0.2]);
-    let carried = CarriedWeight::<T, 3>::new(table, five.machine, &platform, (&home.pose, tip));
+    let model = &Model::new(five.machine, table);
+    let carried = CarriedWeight::<T, 3>::new(model, &platform, &home.pose, tip);
     let screws = lines::<T, 3>(&format!("compensator_{width}"), carried, |compensator, at, reading| {
-        compensator.update(table, five.machine, &at.pose, tip, reading)
+        compensator.update(model, &at.pose, tip, reading)
     })?;
-    let carried = CarriedWeight::<T, 5>::new(table, five, &platform, &tool, &home);
+    let carried = CarriedWeight::<T, 5>::new(model, five.wrist, &platform, &tool, &home);
     let tool = lines::<T, 5>(&format!("tool_compensator_{width}"), carried, |compensator, at, reading| {
-        compensator.update(table, five, at, reading)
+        compensator.update(model, five.wrist, at, reading)
     })?;
     Ok([screws, tool].concat())
 }

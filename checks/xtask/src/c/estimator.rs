@@ -8,8 +8,8 @@ use pkm_core::estimation::{
 };
 use pkm_core::nalgebra::Vector6;
 use pkm_core::{
-    Configuration, CorrectionError, CorrectionTable, Domain, FiveAxis, KinematicsError, Pose, Scalar, StiffnessError,
-    TableUncertainty, Wrench,
+    Configuration, CorrectionError, CorrectionTable, Domain, FiveAxis, KinematicsError, Model, Pose, Scalar,
+    StiffnessError, TableUncertainty, Wrench,
 };
 
 use super::compensator::Random;
@@ -166,7 +166,7 @@ fn lines<T: Scalar>(
     let [theta_rad, sigma_rad, z0_m] = t([0.125, -0.0625, 0.53125]);
     let beta_rad = [0.125, -0.125].map(T::from_f64).into();
     let stands = Configuration { pose: Pose { theta_rad, sigma_rad, z0_m }, beta_rad };
-    let at = (&stands.pose, t([0.03125, -0.015625, 0.3125]).into());
+    let tip_m = t([0.03125, -0.015625, 0.3125]).into();
     let (mut random, mut sum) = (Random(1), Sum::default());
     let mut slots = Slots([[0xff; state_bytes(COUNT)]; 2]);
     let (mut lines, mut errors, mut alarmed, mut outside) = (Vec::new(), Vec::new(), false, false);
@@ -184,14 +184,10 @@ fn lines<T: Scalar>(
         let is_outside = domain == Some(Domain::Outside);
         sum.add(f64::from(u8::from(is_outside)));
         outside |= is_outside;
-        let (of_screws, of_axes) = if n % 2 == 0 {
-            let known = (table, uncertainty);
-            let of_screws = screws.update_known(known, five.machine, Some(&estimator), at, &period);
-            (of_screws, axes.update_known(known, five, Some(&estimator), &stands, &period))
-        } else {
-            let of_screws = screws.update_learned(table, five.machine, &estimator, at, &period);
-            (of_screws, axes.update_learned(table, five, &estimator, &stands, &period))
-        };
+        let uncertainty = (n % 2 == 0).then_some(uncertainty);
+        let model = Model { uncertainty, ..Model::new(five.machine, table).with_learned(&estimator) };
+        let of_screws = screws.update(&model, &stands.pose, tip_m, &period);
+        let of_axes = axes.update(&model, five.wrist, &stands, &period);
         let share = sum.add_offset(&of_screws)?;
         sum.add(share);
         sum.add_offset(&of_axes)?;

@@ -2,7 +2,7 @@
 
 use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
 use pkm_core::nalgebra::{Vector2, Vector3};
-use pkm_core::{Configuration, FiveAxis, Pose};
+use pkm_core::{Configuration, FiveAxis, Model, Pose};
 use serde_json::Value;
 
 use super::in_file_units;
@@ -206,8 +206,9 @@ fn one_joint_at_its_limit(host: &Host, during: &[Row<'_>]) -> Outcome {
     let mut compensator = Compensator::<f64, 5>::new(&free).map_err(|e| e.to_string())?;
     let (stands, _) = five.forward(&joints_of(row.stands)).map_err(|e| e.to_string())?;
     let wrench = wrench_of(row.wrench)?;
+    let (model, reading) = (Model::new(five.machine, &table), Reading { enabled: true, wrench, rise: 0.0.into() });
     for _ in 0..2000 {
-        compensator.update(&table, &five, &stands, &Reading { enabled: true, wrench, rise: 0.0.into() });
+        compensator.update(&model, five.wrist, &stands, &reading);
     }
     let [a, b, c, d, e] = compensator.joints().into();
     let asked = [a * 1e3, b * 1e3, c * 1e3, d.to_degrees(), e.to_degrees()];

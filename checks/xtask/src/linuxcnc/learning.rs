@@ -9,7 +9,7 @@ use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
 use pkm_core::effects::{Motion, Place};
 use pkm_core::estimation::{Amplitude, AmplitudeSettings, Estimator, EstimatorSettings, TipReading, state_bytes};
 use pkm_core::nalgebra::{Vector2, Vector3, Vector6};
-use pkm_core::{Configuration, FiveAxis, Machine, Pose, Wrench};
+use pkm_core::{Configuration, FiveAxis, Machine, Model, Pose, Wrench};
 
 use super::replay::Host;
 use super::{among_modules, in_file_units};
@@ -305,10 +305,11 @@ fn compensates(
     let reading = Reading { enabled: true, wrench: at.wrench, rise: 0.0.into() };
     let mut plain = Compensator::<f64, 5>::new(&settings).map_err(|e| e.to_string())?;
     let mut knowing = Compensator::<f64, 5>::new(&settings).map_err(|e| e.to_string())?;
+    let model = Model::new(five.machine, &table);
     for _ in 0..8000 {
         learned.follow(settings.period_s);
-        plain.update(&table, five, &at.at, &reading);
-        knowing.update_learned(&table, five, &learned, &at.at, &reading);
+        plain.update(&model, five.wrist, &at.at, &reading);
+        knowing.update(&model.with_learned(&learned), five.wrist, &at.at, &reading);
     }
     let in_pins = |joints: [f64; 5]| -> Vec<f64> {
         (0..5).map(|n| if n < 3 { joints[n] * 1e3 } else { joints[n].to_degrees() }).collect()

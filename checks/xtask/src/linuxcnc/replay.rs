@@ -7,8 +7,8 @@ use std::time::Instant;
 use pkm_core::compensator::{Compensator, CompensatorSettings, Limit, Offset, Reading};
 use pkm_core::nalgebra::{SVector, Vector2, Vector3};
 use pkm_core::{
-    CompensatedTool, Configuration, Corrected, CorrectionTable, Domain, FiveAxis, JointValues, Pose, ScrewLengths,
-    TemperatureRise, Tool, ToolSolution, Wrench,
+    CompensatedTool, Configuration, Corrected, CorrectionTable, Domain, FiveAxis, JointValues, Model, Pose,
+    ScrewLengths, TemperatureRise, Tool, ToolSolution, Wrench,
 };
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::table_numbers::TableNumbers;
@@ -230,8 +230,9 @@ impl Compensation {
         let nowhere = Configuration { pose, beta_rad: Vector2::zeros() };
         let reading = Reading { enabled: self.was_on, wrench, rise: row.rise };
         let known = stands.is_ok();
+        let model = Model::new(five.machine, table);
         let Offset { joints, limit, fault, .. } =
-            self.compensator.update(table, five, &stands.unwrap_or(nowhere), &reading);
+            self.compensator.update(&model, five.wrist, &stands.unwrap_or(nowhere), &reading);
         let limit = [Limit::None, Limit::Size, Limit::Rate].iter().position(|l| *l == limit).map(|l| l as f64);
         // the number of what the kinematics refuse is their own
         let same_fault = match number(fault) {

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, Reading, Weight};
 use pkm_core::nalgebra::{Vector2, Vector3};
-use pkm_core::{Configuration, FiveAxis, Pose, Wrench};
+use pkm_core::{Configuration, FiveAxis, Model, Pose, Wrench};
 
 use super::in_file_units;
 use super::learning::{Session, expect};
@@ -40,11 +40,12 @@ pub fn weigh(out: &Path, host: &Host) -> Outcome {
     let (zero, at) = (place(0.0), place(1.0));
     let settings = CompensatorSettings { gain: 1.0, stuck_s: 0.0, ..CompensatorSettings::DEFAULT };
     let mut compensator = Compensator::<f64, 5>::new(&settings).map_err(|e| e.to_string())?;
-    let carried = CarriedWeight::<f64, 5>::new(&table, &five, &weight(PLATFORM), &weight(TOOL), &zero);
+    let model = Model::new(five.machine, &table);
+    let carried = CarriedWeight::<f64, 5>::new(&model, five.wrist, &weight(PLATFORM), &weight(TOOL), &zero);
     compensator.set_weight(Some(carried.map_err(|e| e.to_string())?));
     let reading = Reading { enabled: true, wrench: Wrench::ZERO, rise: 0.0.into() };
     for _ in 0..2000 {
-        compensator.update(&table, &five, &at, &reading);
+        compensator.update(&model, five.wrist, &at, &reading);
     }
     let [a, b, c, d, e] = compensator.joints().into();
     let expected = [0.0, a * 1e3, b * 1e3, c * 1e3, d.to_degrees(), e.to_degrees()];

@@ -24,8 +24,8 @@ use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, TABLE_F32, TABLE_F64, UNCERTAINTY_F32, UNCERTAINTY_F64, WRIST_F32, WRIST_F64,
 };
 use pkm_core::{
-    Configuration, CorrectionTable, FiveAxis, Pose, Scalar, TableUncertainty, Tool, ToolError, ToolFrame, ToolMotion,
-    Wrench,
+    Configuration, CorrectionTable, FiveAxis, Model, Pose, Scalar, TableUncertainty, Tool, ToolError, ToolFrame,
+    ToolMotion, Wrench,
 };
 
 #[path = "../learned.rs"]
@@ -130,14 +130,16 @@ fn carried<T: Scalar>(
     };
     let platform = weight([100.0, -20.0, -700.0], [0.02, 0.01, 0.1]);
     let tool = weight([30.0, -6.0, -210.0], [0.1, 0.0, -0.2]);
-    let of_screws = CarriedWeight::<T, 3>::new(table, five.machine, &platform, (&home.pose, tip_m))?;
-    Ok((of_screws, CarriedWeight::<T, 5>::new(table, five, &platform, &tool, &home)?))
+    let model = &Model::new(five.machine, table);
+    let of_screws = CarriedWeight::<T, 3>::new(model, &platform, &home.pose, tip_m)?;
+    Ok((of_screws, CarriedWeight::<T, 5>::new(model, five.wrist, &platform, &tool, &home)?))
 }
 
 /// Ticks of the costliest updates of compensators of three screws and of five axes, without and with what the machine carries, at poses
 /// all over the box and beyond, under loads that go and turn.
 fn worst_updates<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>) -> Result<[u32; 4], ToolError> {
     let (mut screws, mut axes) = compensators()?;
+    let model = &black_box(Model::new(five.machine, table));
     let tip = TIP_M.map(T::from_f64).into();
     let (mut heavy_screws, mut heavy_axes) = (screws, axes);
     let Ok((of_screws, of_axes)) = carried(five, table, tip) else { return Err(ToolError::NotFinite) };
@@ -164,10 +166,10 @@ fn worst_updates<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, 
         });
         let stands = &black_box(Configuration { pose, beta_rad });
         let each = [
-            ticks(|| screws.update(table, five.machine, &stands.pose, tip, reading)),
-            ticks(|| axes.update(table, five, stands, reading)),
-            ticks(|| heavy_screws.update(table, five.machine, &stands.pose, tip, reading)),
-            ticks(|| heavy_axes.update(table, five, stands, reading)),
+            ticks(|| screws.update(model, &stands.pose, tip, reading)),
+            ticks(|| axes.update(model, five.wrist, stands, reading)),
+            ticks(|| heavy_screws.update(model, &stands.pose, tip, reading)),
+            ticks(|| heavy_axes.update(model, five.wrist, stands, reading)),
         ];
         if each[0] > TICKS_IN_SOFTWARE {
             poses = POSES_IN_SOFTWARE;
@@ -191,6 +193,7 @@ fn count<T: Scalar>(
     let tip = TIP_M.map(number).into();
     let [compensate, compensate_tool, compensate_weight, compensate_tool_weight] = worst_updates(five, table)?;
     let (mut compensator, mut tool_compensator) = compensators()?;
+    let model = &black_box(Model::new(machine, table));
     let Ok(mut estimator) = Estimator::<T, 6>::new(&learned::SETTINGS) else { return Err(ToolError::NotFinite) };
     let reading = black_box(Reading { enabled: true, wrench, rise: number(1.0).into() });
     let amplitudes = &black_box(estimator.amplitudes());
@@ -217,14 +220,15 @@ fn count<T: Scalar>(
                 deviation: number(1e-6),
             }));
             let empty = ticks(|| ());
-            let plain = ticks(|| compensator.update(table, machine, pose, tip, &reading));
+            let plain = ticks(|| compensator.update(model, pose, tip, &reading));
             let cycle = ticks(|| table.cycle(machine, pose, &wrench, tip));
             let with_u95 = ticks(|| table.cycle_known(machine, uncertainty, pose, &wrench, tip));
             let table_u95 = with_u95.saturating_sub(cycle) + empty;
-            let knowing = (table, uncertainty);
-            let nothing_learned = None::<&Estimator<T, 0>>;
-            let in_doubt = ticks(|| compensator.update_known(knowing, machine, nothing_learned, (pose, tip), &reading));
-            let learned = ticks(|| compensator.update_learned(table, machine, &estimator, (pose, tip), &reading));
+            let knowing = &black_box(model.with_uncertainty(uncertainty));
+            let in_doubt = ticks(|| compensator.update(knowing, pose, tip, &reading));
+            let learning = &black_box(model.with_learned(&estimator));
+            let learned = ticks(|| compensator.update(learning, pose, tip, &reading));
+            let tool_learned = ticks(|| tool_compensator.update(learning, five.wrist, near, &reading));
             let each = [
                 ("inverse", ticks(|| machine.inverse(pose))),
                 ("k_p", ticks(|| machine.stiffness(pose))),
@@ -242,10 +246,7 @@ fn count<T: Scalar>(
                 ("absorb", ticks(|| estimator.absorb(touch, &known, &moved, readings))),
                 ("u95", learned.saturating_sub(plain) + empty),
                 ("compensate_learned", learned),
-                (
-                    "compensate_tool_learned",
-                    ticks(|| tool_compensator.update_learned(table, five, &estimator, near, &reading)),
-                ),
+                ("compensate_tool_learned", tool_learned),
                 ("table_u95", table_u95),
                 ("known", in_doubt.saturating_sub(plain) + empty),
                 ("watch", ticks(|| watch.look(table))),

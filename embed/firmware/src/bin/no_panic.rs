@@ -29,7 +29,7 @@ use pkm_core::tables::reference::{
     WRIST_F64,
 };
 use pkm_core::{
-    Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, LimbFrame, Machine, Pose, Scalar,
+    Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, LimbFrame, Machine, Model, Pose, Scalar,
     ScrewLengths, Stiffness, Tool, ToolFrame, ToolMotion, Wrench, Wrist,
 };
 
@@ -120,11 +120,12 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
         Ok(mut compensator) => {
             let reading = black_box(Reading { enabled: true, wrench, rise: a.into() });
             let weight = black_box(Weight { force_n: vector, centre_m: other });
-            match CarriedWeight::<T, 3>::new(table, machine, &weight, (&pose, vector)) {
+            let model = black_box(Model::new(machine, table));
+            match CarriedWeight::<T, 3>::new(&model, &weight, &pose, vector) {
                 Ok(carried) => compensator.set_weight(Some(black_box(carried))),
                 Err(e) => show(e),
             }
-            if let Some(fault) = black_box(compensator.update(table, machine, &pose, vector, &reading)).fault {
+            if let Some(fault) = black_box(compensator.update(&model, &pose, vector, &reading)).fault {
                 show(fault);
             }
             black_box(compensator.joints());
@@ -202,9 +203,10 @@ fn call_five_axes<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, T
     if let Ok(mut compensator) = Compensator::<T, 5>::new(&black_box(CompensatorSettings::DEFAULT)) {
         let reading = black_box(Reading { enabled: true, wrench, rise: a.into() });
         let [platform, tool] = black_box([Weight { force_n: wrench.force_n, centre_m: wrench.moment_nm }; 2]);
-        let carried = CarriedWeight::<T, 5>::new(table, &five, &platform, &tool, &near);
+        let model = black_box(Model::new(machine, table));
+        let carried = CarriedWeight::<T, 5>::new(&model, wrist, &platform, &tool, &near);
         compensator.set_weight(black_box(carried.ok()));
-        black_box(compensator.update(table, &five, &near, &reading));
+        black_box(compensator.update(&model, wrist, &near, &reading));
     }
 }
 
@@ -250,18 +252,16 @@ fn call_estimation<T: Scalar>(
         show(e);
     }
     let reading = black_box(Reading { enabled: true, wrench, rise: a.into() });
+    let model = Model::new(five.machine, table).with_uncertainty(uncertainty).with_learned(&estimator);
     if let Ok(mut compensator) = Compensator::<T, 3>::new(&CompensatorSettings::DEFAULT) {
-        black_box(compensator.update_learned(table, five.machine, &estimator, (&pose, vector), &reading));
-        for learned in black_box([None, Some(&estimator)]) {
-            let known = (table, uncertainty);
-            black_box(compensator.update_known(known, five.machine, learned, (&pose, vector), &reading));
+        for model in black_box([model, Model { learned: None, ..model }]) {
+            black_box(compensator.update(&model, &pose, vector, &reading));
         }
     }
     if let Ok(mut compensator) = Compensator::<T, 5>::new(&CompensatorSettings::DEFAULT) {
         let near = black_box(Configuration { pose, beta_rad: Vector2::new(a, b) });
-        black_box(compensator.update_learned(table, five, &estimator, &near, &reading));
-        for learned in black_box([None, Some(&estimator)]) {
-            black_box(compensator.update_known((table, uncertainty), five, learned, &near, &reading));
+        for model in black_box([model, Model { learned: None, ..model }]) {
+            black_box(compensator.update(&model, five.wrist, &near, &reading));
         }
     }
 }

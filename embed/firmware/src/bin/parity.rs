@@ -14,12 +14,11 @@ use cortex_m_rt::entry;
 use cortex_m_semihosting::hio;
 use heapless::Vec;
 use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, OutsideBox, Reading, Weight};
-use pkm_core::estimation::Estimator;
 use pkm_core::nalgebra::Vector2;
 use pkm_core::tables::reference::{UNCERTAINTY_F32, UNCERTAINTY_F64};
 use pkm_core::{
-    Configuration, CorrectionError, CorrectionTable, CycleError, Domain, FiveAxis, Machine, Pose, Scalar, Stiffness,
-    StiffnessError, TableUncertainty, Tool, ToolDeflectionError, ToolSolution, Wrench,
+    Configuration, CorrectionError, CorrectionTable, CycleError, Domain, FiveAxis, Machine, Model, Pose, Scalar,
+    Stiffness, StiffnessError, TableUncertainty, Tool, ToolDeflectionError, ToolSolution, Wrench,
 };
 use serde::Serialize;
 
@@ -111,9 +110,10 @@ fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, po
     let upright = Pose { theta_rad: T::ZERO, sigma_rad: T::ZERO, z0_m: T::from_f64(0.53) };
     let zeroed_at = Configuration { pose: upright, beta_rad: Vector2::zeros() };
     let platform = weight(PLATFORM);
+    let model = &Model::new(five.machine, table);
     let carried = (
-        CarriedWeight::<T, 3>::new(table, five.machine, &platform, (&upright, tip_m)),
-        CarriedWeight::<T, 5>::new(table, five, &platform, &weight(TOOL), &zeroed_at),
+        CarriedWeight::<T, 3>::new(model, &platform, &upright, tip_m),
+        CarriedWeight::<T, 5>::new(model, five.wrist, &platform, &weight(TOOL), &zeroed_at),
     );
     let (Ok(of_screws), Ok(of_axes)) = carried else { return Vec::new() };
     let mut found = Vec::new();
@@ -121,8 +121,8 @@ fn offsets<T: Scalar>(five: &FiveAxis<'_, T>, table: &CorrectionTable<'_, T>, po
         screws.set_weight(carried.map(|of| of.0));
         axes.set_weight(carried.map(|of| of.1));
         for _ in 0..3 {
-            screws.update(table, five.machine, pose, tip_m, &reading);
-            axes.update(table, five, &stands, &reading);
+            screws.update(model, pose, tip_m, &reading);
+            axes.update(model, five.wrist, &stands, &reading);
         }
         found.extend(bits::<T, 8>(screws.joints().iter().chain(&axes.joints())));
     }
@@ -145,8 +145,8 @@ fn known<T: Scalar>(
     let Pose { theta_rad, sigma_rad, z0_m } = cycle.cycle.compensated.pose;
     let command = [cycle.share, theta_rad, sigma_rad, z0_m];
     let reading = Reading { enabled: true, wrench, rise: T::from_f64(4.5).into() };
-    let nothing_learned = None::<&Estimator<T, 0>>;
-    let offset = compensator.update_known((table, uncertainty), machine, nothing_learned, (pose, tip_m), &reading);
+    let model = Model::new(machine, table).with_uncertainty(uncertainty);
+    let offset = compensator.update(&model, pose, tip_m, &reading);
     let Some(known) = offset.known else { return Vec::new() };
     let in_period = known.uncertainty.variance_m2.iter().chain([&known.share]).chain(&offset.joints);
     bits::<T, 14>(cycle.uncertainty.variance_m2.iter().chain(&command).chain(in_period))

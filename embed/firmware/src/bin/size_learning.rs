@@ -12,7 +12,7 @@ use pkm_core::compensator::{Compensator, CompensatorSettings, Reading};
 use pkm_core::estimation::{Estimator, Slot, TipReading, Touch, newest, state_bytes};
 use pkm_core::nalgebra::{Vector3, Vector6};
 use pkm_core::tables::reference::{MACHINE_F64 as MACHINE, TABLE_F64 as TABLE, UNCERTAINTY_F64 as UNCERTAINTY};
-use pkm_core::{Pose, Wrench};
+use pkm_core::{Model, Pose, Wrench};
 
 #[path = "../handler.rs"]
 mod handler;
@@ -40,8 +40,8 @@ fn main() -> ! {
         black_box(estimator.alarms());
         estimator.follow(1e-3);
         let load = Reading { enabled: true, wrench, rise: 0.0.into() };
-        let known = (&TABLE, &UNCERTAINTY);
-        black_box(compensator.update_known(known, &MACHINE, Some(&estimator), (&pose, tip_m), &load));
+        let model = Model::new(&MACHINE, &TABLE).with_uncertainty(&UNCERTAINTY).with_learned(&estimator);
+        black_box(compensator.update(&model, &pose, tip_m, &load));
         _ = black_box(estimator.save(black_box(1), black_box(1), &mut slots[1]));
     }
 }

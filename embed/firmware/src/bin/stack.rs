@@ -103,7 +103,7 @@ macro_rules! functions {
             use pkm_core::self_test::SelfTestMemory;
             use pkm_core::tables::reference;
             use pkm_core::{
-                Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Pose, ScrewLengths,
+                Basis, Configuration, CorrectionTable, Deflection, FiveAxis, JointValues, Machine, Model, Pose, ScrewLengths,
                 Stiffness, StiffnessFactor, TableUncertainty, Tool, ToolFrame, ToolMotion, Wrench, Wrist,
             };
 
@@ -145,6 +145,11 @@ macro_rules! functions {
                 #[inline(always)]
                 fn five(&self) -> FiveAxis<'_, $t> {
                     FiveAxis { machine: &self.machine, wrist: &reference::$wrist }
+                }
+
+                #[inline(always)]
+                fn model(&self) -> Model<'_, $t> {
+                    Model::new(&self.machine, &self.table)
                 }
             }
 
@@ -288,10 +293,10 @@ both_widths! {
     compensated_tool(i) i.five().compensated(Some(&i.table), &i.tool, &i.wrench, &i.near);
     loop_gain(i) LoopGain::new(&i.factor, i.tip_m, 1e7, 0.7);
     new_compensator(_i) Compensator::<T, 5>::new(black_box(&CompensatorSettings::DEFAULT));
-    carried(i) CarriedWeight::<T, 3>::new(&i.table, &i.machine, &black_box(Weight { force_n: i.tip_m, centre_m: i.tip_m }), (&i.pose, i.tip_m));
-    carried_tool(i) CarriedWeight::<T, 5>::new(&i.table, &i.five(), &Weight::ZERO, &black_box(Weight { force_n: i.tip_m, centre_m: i.tip_m }), &i.near);
-    compensate(i) i.compensator.try_borrow_mut().map(|mut c| c.update(&i.table, &i.machine, &i.pose, i.tip_m, &i.reading));
-    compensate_tool(i) i.tool_compensator.try_borrow_mut().map(|mut c| c.update(&i.table, &i.five(), &i.near, &i.reading));
+    carried(i) CarriedWeight::<T, 3>::new(&i.model(), &black_box(Weight { force_n: i.tip_m, centre_m: i.tip_m }), &i.pose, i.tip_m);
+    carried_tool(i) CarriedWeight::<T, 5>::new(&i.model(), i.five().wrist, &Weight::ZERO, &black_box(Weight { force_n: i.tip_m, centre_m: i.tip_m }), &i.near);
+    compensate(i) i.compensator.try_borrow_mut().map(|mut c| c.update(&i.model(), &i.pose, i.tip_m, &i.reading));
+    compensate_tool(i) i.tool_compensator.try_borrow_mut().map(|mut c| c.update(&i.model(), i.five().wrist, &i.near, &i.reading));
     sensitivities(i) i.machine.sensitivities(&i.pose, &i.wrench, &learned::SETTINGS.amplitudes.map(|own| own.amplitude));
     new_estimator(_i) Estimator::<T, 6>::new(black_box(&learned::SETTINGS));
     learn(i) i.estimator.try_borrow_mut().map(|mut e| e.learn(&i.machine, Some(&i.table), &i.touch, &[i.tip_reading; 6]));
@@ -303,10 +308,10 @@ both_widths! {
     save(i) i.slot.try_borrow_mut().map(|mut s| i.estimator.try_borrow().map(|e| e.save(i.header.machine, 1, &mut s[..])));
     restore(i) i.slot.try_borrow().map(|s| i.estimator.try_borrow_mut().map(|mut e| e.restore(i.header.machine, &s[..])));
     newest_state(i) i.slot.try_borrow().map(|s| newest(6, &s[..], &s[..]));
-    compensate_learned(i) i.compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update_learned(&i.table, &i.machine, &e, (&i.pose, i.tip_m), &i.reading)));
-    compensate_tool_learned(i) i.tool_compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update_learned(&i.table, &i.five(), &e, &i.near, &i.reading)));
-    compensate_known(i) i.compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update_known((&i.table, &i.uncertainty), &i.machine, Some(&*e), (&i.pose, i.tip_m), &i.reading)));
-    compensate_tool_known(i) i.tool_compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update_known((&i.table, &i.uncertainty), &i.five(), Some(&*e), &i.near, &i.reading)));
+    compensate_learned(i) i.compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update(&i.model().with_learned(&*e), &i.pose, i.tip_m, &i.reading)));
+    compensate_tool_learned(i) i.tool_compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update(&i.model().with_learned(&*e), i.five().wrist, &i.near, &i.reading)));
+    compensate_known(i) i.compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update(&i.model().with_uncertainty(&i.uncertainty).with_learned(&*e), &i.pose, i.tip_m, &i.reading)));
+    compensate_tool_known(i) i.tool_compensator.try_borrow_mut().map(|mut c| i.estimator.try_borrow().map(|e| c.update(&i.model().with_uncertainty(&i.uncertainty).with_learned(&*e), i.five().wrist, &i.near, &i.reading)));
     checksums(i) i.five().checksums(&i.table);
     verify(i) i.five().verify(&i.table, &i.checksums);
     verify_uncertainty(i) i.uncertainty.verify(i.uncertainty.checksum());
