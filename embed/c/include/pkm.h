@@ -152,7 +152,7 @@ enum PkmError
   PKM_ERROR_READING_UNEXPECTED = 95,
   // No saved state is whole.
   PKM_ERROR_STATE_NOT_WHOLE = 96,
-  // The saved state is that of another machine, or of other amplitudes.
+  // The saved state is that of another machine or table, or of other amplitudes.
   PKM_ERROR_OTHER_STATE = 97,
   // The tip was read while an offset acted, which takes some of its deflection away. Of controllers, as LinuxCNC's module: no function has it.
   PKM_ERROR_READING_COMPENSATED = 98,

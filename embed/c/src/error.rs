@@ -117,7 +117,7 @@ pub enum PkmError {
     ReadingUnexpected = 95,
     /// No saved state is whole.
     StateNotWhole = 96,
-    /// The saved state is that of another machine, or of other amplitudes.
+    /// The saved state is that of another machine or table, or of other amplitudes.
     OtherState = 97,
     /// The tip was read while an offset acted, which takes some of its deflection away. Of controllers, as LinuxCNC's module: no function has it.
     ReadingCompensated = 98,
@@ -150,7 +150,6 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         51 => c"too near to a singularity of the five axes",
         52 => c"wrist joint 1 would leave its limits",
         53 => c"wrist joint 2 would leave its limits",
-        54 => c"the deflection of the tool changes too much on the way to be made up for",
         60 => c"the machine in memory is damaged",
         61 => c"the wrist in memory is damaged",
         62 => c"the table in memory is damaged",

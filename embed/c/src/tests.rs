@@ -285,7 +285,7 @@ fn the_header_is_of_this_version() {
 }
 
 #[test]
-fn every_error_of_the_header_has_a_text() {
+fn every_error_of_the_header_has_a_text_and_no_other_number() {
     let text = |code| {
         // SAFETY: never null, and of the program's length of life
         unsafe { std::ffi::CStr::from_ptr(pkm_error_text(code)) }
@@ -294,9 +294,13 @@ fn every_error_of_the_header_has_a_text() {
         let (name, code) = line.trim().strip_prefix("PKM_ERROR_")?.strip_suffix(',')?.split_once(" = ")?;
         (name != "UNKNOWN").then(|| code.parse::<i32>().unwrap())
     });
-    let texts: Vec<_> = codes.map(text).collect();
-    assert!(texts.len() > 30 && texts.iter().all(|t| *t != text(PkmError::Unknown as i32)), "{texts:?}");
-    assert_eq!(texts.iter().collect::<std::collections::HashSet<_>>().len(), texts.len());
+    let codes: Vec<_> = codes.collect();
+    let texts: std::collections::HashSet<_> = codes.iter().map(|code| text(*code)).collect();
+    assert!(codes.len() > 30 && texts.len() == codes.len(), "{texts:?}");
+    // and no other number has one
+    for code in -1..=256 {
+        assert_eq!(text(code) != c"unknown error", codes.contains(&code), "{code}: {:?}", text(code));
+    }
 }
 
 macro_rules! tables {
