@@ -120,9 +120,9 @@ pub enum OffsetFault {
     TemperatureLost,
     /// The pose is outside the table's box.
     OutsideBox,
-    /// There is no posture, no deflection, or no way to compensate it at the pose.
+    /// There is no posture, no deflection, or no way for the three screws to compensate it at the pose.
     Model,
-    /// Another reason.
+    /// Another reason: the five axes' own, which a controller of this protocol does not compensate, or one that this version does not know.
     Other,
 }
 
