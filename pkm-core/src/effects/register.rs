@@ -23,6 +23,28 @@ macro_rules! effects {
 
         pub(crate) const SIZES: [Option<Size>; COUNT] = [$($(<$module::$name as Effect>::SIZE),+),+];
 
+        impl Effects {
+            /// Whether stiffness changes with temperature.
+            pub fn soften_with_temperature(&self) -> bool {
+                let by_element = self.elements.iter().flatten().any(|element| element.law == Law::Temperature);
+                by_element $($(|| {
+                    $module::$name::softening(&self.parameters[Index::$name as usize]) != [0.0; 2]
+                })+)+
+            }
+
+            /// Whether limbs or platforms grow with temperature.
+            pub fn grow_with_temperature(&self) -> bool {
+                false $($(|| $module::$name::growth(&self.parameters[Index::$name as usize]) != [0.0; 2])+)+
+            }
+
+            /// Whether there are forces in the limbs before any load.
+            pub fn preload_limbs(&self) -> bool {
+                (0..3).any(|limb| {
+                    false $($(|| $module::$name::tension(&self.parameters[Index::$name as usize], limb) != 0.0)+)+
+                })
+            }
+        }
+
         impl<T: Scalar> ActiveEffects<T> {
             /// Adds what every active effect has inside a limb.
             #[inline(never)] // apart from the elements, so that the stack does not hold what both work with

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use nalgebra::{Matrix6, Vector3, Vector6};
-use pkm_core::effects::{EFFECTS, Law, MAX_PARAMETERS};
+use pkm_core::effects::MAX_PARAMETERS;
 use pkm_core::{Deflection, LoadResponse, Machine, MachineParameters, Pose, Wrench};
 
 use super::model::MEASUREMENT;
@@ -51,13 +51,8 @@ impl State {
             let w = Wrench { force_n: w.force_n * (1.0 + gain[0]), moment_nm: w.moment_nm * (1.0 + gain[1]) };
             w.moved_to_a(Vector3::new(at[0] + point[0], at[1] + point[1], at[2] + point[2]))
         };
-        let on = |ids: &[&str]| {
-            let parameters = self.machine.effects.parameters;
-            EFFECTS.iter().zip(parameters).any(|(e, p)| ids.contains(&e.id) && p.iter().any(|v| *v != 0.0))
-        };
-        let mut elements = self.machine.effects.elements.iter().flatten();
-        let warms = on(&["thermal-modulus"]) || elements.any(|e| e.law == Law::Temperature);
-        let grows = on(&["thermal-expansion"]);
+        let effects = &self.machine.effects;
+        let (warms, grows) = (effects.soften_with_temperature(), effects.grow_with_temperature());
         let warmth = |c: &Condition| if warms { c.temperature_c.to_bits() } else { 0 };
         let machines: HashMap<u64, Machine<f64>> = if warms {
             let warm = |c: &Condition| Some((warmth(c), machine.at_temperature(c.temperature_c).ok()?));

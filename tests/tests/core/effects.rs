@@ -914,3 +914,27 @@ fn a_geometry_that_cannot_close_is_an_error_of_kinematics() {
     }
     assert!(refused > 0);
 }
+
+/// The host asks what the effects do, and knows none of these by name.
+#[test]
+fn effects_tell_what_a_host_has_to_mind() {
+    let told = |asked: fn(&Effects) -> bool| -> Vec<&str> {
+        assert!(!asked(&Effects::NONE));
+        let each = EFFECTS.iter().enumerate().flat_map(|(i, effect)| (0..effect.parameters.len()).map(move |n| (i, n)));
+        let mut ids: Vec<_> = each
+            .filter(|(i, n)| {
+                let mut effects = Effects::NONE;
+                effects.parameters[*i][*n] = 1e-9;
+                asked(&effects)
+            })
+            .map(|(i, _)| EFFECTS[i].id)
+            .collect();
+        ids.dedup();
+        ids
+    };
+    assert_eq!(told(Effects::soften_with_temperature), ["thermal-modulus"]);
+    assert_eq!(told(Effects::grow_with_temperature), ["thermal-expansion"]);
+    assert_eq!(told(Effects::preload_limbs), ["preload"]);
+    let element = |law| Effects::NONE.with_element("limb.2.body", "axial", law, [1e-9]).expect("an element");
+    assert!(element("temperature").soften_with_temperature() && !element("constant").soften_with_temperature());
+}

@@ -368,6 +368,8 @@ fn main() -> ! {
     }
     black_box(checksum::over_text(checksum::START, black_box("text")));
     call_elements();
+    let of_temperature = (parameters.effects.soften_with_temperature(), parameters.effects.grow_with_temperature());
+    black_box((of_temperature, parameters.effects.preload_limbs()));
     black_box((parameters.effects.below_tool(), narrow(black_box(&[1.0; 8])), black_box(&TABLE_F64).checksum()));
     black_box(checksum::over_numbers(checksum::over_byte(checksum::START, black_box(1)), black_box(&[1.0; 3])));
     black_box(checksum::over_numbers_f32(checksum::START, black_box(&[1.0; 3])));

@@ -21,7 +21,7 @@ mod unreachable;
 mod whitened;
 
 use nalgebra::{Matrix3, Vector3};
-use pkm_core::effects::{EFFECTS, Effects};
+use pkm_core::effects::Effects;
 use pkm_core::{
     Configuration, CorrectionError, CorrectionTable, Domain, Scalar, Stiffness, Tool, ToolSolution, Wrench,
 };
@@ -204,8 +204,7 @@ impl<'a> PlacementModel<'a> {
     /// of travel and near singularities bounds hardly close; positions of the cross slide must follow from β1 and β2, so it must not
     /// run along |AB|, and deflections from the load without iteration, which preloaded limbs take.
     pub fn why_not_certified(&self) -> Option<&'static str> {
-        let parameters = &self.reach.file.parameters.effects.parameters;
-        let preloaded = EFFECTS.iter().zip(parameters).any(|(e, p)| e.id == "preload" && p.iter().any(|p| *p != 0.0));
+        let preloaded = self.reach.file.parameters.effects.preload_limbs();
         let reasons = [
             (self.table.is_none(), "it is proved inside a table's box: give --table, coefficients.json of fit"),
             (self.extrapolate, "it is proved inside the table's box: leave --allow-extrapolation out"),
