@@ -4,22 +4,24 @@
 //! platform A-uvw, three degrees of freedom (θ, σ, Z0), and five over-constraints. The crate goes from the
 //! bottom up:
 //!
-//! 1. [`machine`]: what is known of one machine; [`Machine::new`] checks it, also at compile time.
-//! 2. [`kinematics`]: [`Machine::inverse`], [`Machine::forward`], [`Machine::jacobian`], distances to
+//! 1. [`scalar`]: `f32` or `f64`; [`types`]: pose, wrench, deflection, their frames and units; [`checksum`]: of what is in memory.
+//! 2. [`machine`]: what is known of one machine; [`Machine::new`] checks it, also at compile time. [`effects`] hold the physics
+//!    beyond the paper's model.
+//! 3. [`kinematics`]: [`Machine::inverse`], [`Machine::forward`], [`Machine::jacobian`], distances to
 //!    singularities and to the ends of travel.
-//! 3. [`stiffness`]: the 6×6 terminal stiffness K_p, its Cholesky factor, deflection under a [`Wrench`].
-//!    [`effects`] hold the physics beyond the paper's model.
-//! 4. [`correction`]: K_m from a [`CorrectionTable`] fitted by `pkm-host`, with the status of the table's box.
-//! 5. [`compensation`]: [`CorrectionTable::cycle`], from a pose and a load on the tip to screw lengths that make up
+//! 4. [`stiffness`]: the 6×6 terminal stiffness K_p, its Cholesky factor, deflection under a [`Wrench`]; [`thermal`]: what
+//!    temperature changes.
+//! 5. [`correction`]: K_m from a [`CorrectionTable`] fitted by `pkm-host`, with the status of the table's box.
+//! 6. [`compensation`]: [`CorrectionTable::cycle`], from a pose and a load on the tip to screw lengths that make up
 //!    for it; [`Machine::compensated`] alone.
-//! 6. [`estimation`]: what the machine learns from readings while it works, and how sure that is.
-//! 7. [`five_axis`], [`wrist`]: all five axes; [`FiveAxis`] borrows a machine and a wrist.
-//! 8. [`compensator`]: compensation with state, for a controller to switch on: filter, limits, faults, stability.
-//! 9. [`tables`]: generated tables. `coefficients.rs`, which `pkm-host fit` writes, has the same names as
-//!    [`tables::reference`]: `PARAMETERS` and `WRIST` are the numbers, `MACHINE_F64`, `TABLE_F64`, `WRIST_F64` and
-//!    those in `F32` what to compute with.
-//! 10. [`self_test`]: known results, for a controller's start.
-//! 11. [`types`]: pose, wrench, deflection, their frames and units.
+//! 7. [`estimation`]: what the machine learns from readings while it works, and how sure that is.
+//! 8. [`model`]: machine and table with what is known of both, for a compensator.
+//! 9. [`wrist`], [`five_axis`]: all five axes; [`FiveAxis`] borrows a machine and a wrist.
+//! 10. [`compensator`]: compensation with state, for a controller to switch on: filter, limits, faults, stability.
+//! 11. [`tables`]: generated tables. `coefficients.rs`, which `pkm-host fit` writes, has the same names as
+//!     [`tables::reference`]: `PARAMETERS` and `WRIST` are the numbers, `MACHINE_F64`, `TABLE_F64`, `WRIST_F64` and
+//!     those in `F32` what to compute with.
+//! 12. [`self_test`]: known results, for a controller's start.
 //!
 //! Vectors and matrices are those of [`nalgebra`], which is exported from here so that a program can name the same version.
 //!
