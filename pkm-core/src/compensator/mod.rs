@@ -357,16 +357,16 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         second: impl Fn(&SVector<T, JOINTS>) -> Option<SVector<T, JOINTS>>,
     ) -> (SVector<T, JOINTS>, Limit) {
         let of_size = limit::share_within(&target, &self.largest);
-        let end = limit::bent_part(&target, of_size, &self.largest, &second).unwrap_or(target * of_size);
+        let end = limit::bent_part(&target, of_size, &self.largest, &second).unwrap_or(target * of_size.0);
         let way = end - self.joints;
         let of_step = limit::share_within(&way, &self.longest_step);
         // a point between two offsets of allowed size has allowed size, one beside their line may not
         let step = limit::bent_part(&way, of_step, &self.longest_step, &second)
-            .filter(|step| limit::share_within(&(self.joints + step), &self.largest) >= T::ONE);
-        self.joints += step.unwrap_or(way * of_step);
-        let limit = if of_step < T::ONE {
+            .filter(|step| limit::share_within(&(self.joints + step), &self.largest).0 >= T::ONE);
+        self.joints += step.unwrap_or(way * of_step.0);
+        let limit = if of_step.0 < T::ONE {
             Limit::Rate
-        } else if of_size < T::ONE {
+        } else if of_size.0 < T::ONE {
             Limit::Size
         } else {
             Limit::None

@@ -194,7 +194,42 @@ fn a_limited_tip_stays_on_its_line() {
         assert_eq!(limited.joints(), Vector3::zeros());
     }
     println!("the tip is at most {:.1e} µm beside its line", 1e6 * worst);
-    assert!(worst < 1e-6, "{worst:e}");
+    assert!(worst < 1e-7, "{worst:e}");
+}
+
+/// Offsets of up to 10 mm are gone within the periods that the rate limit takes when they are taken back, wherever the tip is, but for
+/// one in a thousand, which takes a tenth more at most.
+#[test]
+fn an_offset_is_taken_back_in_hardly_more_periods_than_its_rate_takes() {
+    let settings = CompensatorSettings { screw_rate_m_per_s: 0.005, outside_box: OutsideBox::Extrapolate, ..BARE };
+    let mut rng = seeded();
+    let (mut runs, mut late, mut worst) = (0, 0, 1.0_f64);
+    for _ in 0..cases(3000) {
+        let mut within = |half: f64| between(&mut rng, -half, half);
+        let pose = Pose { theta_rad: within(0.26), sigma_rad: within(0.26), z0_m: 0.53 + within(0.03) };
+        let tip_m = Vector3::from_fn(|_, _| within(0.5));
+        let load = Wrench { force_n: Vector3::from_fn(|_, _| within(2800.0)), moment_nm: Vector3::zeros() };
+        let mut limited = compensator(&settings);
+        let at_once = CompensatorSettings { screw_rate_m_per_s: BARE.screw_rate_m_per_s, ..settings };
+        let way = compensator(&at_once).update(&MODEL, &pose, tip_m, &on(load));
+        let needed = (way.joints.amax() / (settings.screw_rate_m_per_s * settings.period_s)).ceil();
+        if way.fault.is_some() || needed < 10.0 {
+            continue;
+        }
+        (0..2 * needed as usize).for_each(|_| _ = limited.update(&MODEL, &pose, tip_m, &on(load)));
+        assert!((limited.joints() - way.joints).amax() < 1e-9, "{} {}", limited.joints(), way.joints);
+        let off = Reading { enabled: false, ..on(load) };
+        let mut periods = 0.0;
+        while limited.joints() != Vector3::zeros() {
+            limited.update(&MODEL, &pose, tip_m, &off);
+            periods += 1.0;
+        }
+        runs += 1;
+        late += usize::from(periods > needed + 1.0);
+        worst = worst.max(periods / needed);
+    }
+    println!("{late} of {runs} late, {worst:.3} times at worst");
+    assert!(runs > 1000 && late * 1000 <= runs && worst < 1.1, "{late} of {runs}, {worst}");
 }
 
 /// The same of five axes, with screws in m and a wrist in rad, whichever of their limits acts, up to 2 kN and 20 N·m.
@@ -247,7 +282,7 @@ fn a_limited_tool_stays_on_its_line() {
     }
     assert!(runs > cases(400) / 2);
     println!("the tip of five axes is at most {:.1e} µm beside its line", 1e6 * worst);
-    assert!(worst < 1e-6, "{worst:e}");
+    assert!(worst < 1e-7, "{worst:e}");
 }
 
 #[test]
