@@ -18,6 +18,18 @@ pub enum Grade {
     Bad,
 }
 
+/// What is said of the loads, where they are doubted.
+pub fn doubted_loads(d: &Diagnosis) -> Option<String> {
+    let message = || {
+        format!(
+            "the loads seem to be wrong by some {:.1} % and {:.1} mrad beyond what is declared",
+            100.0 * d.load_error,
+            1e3 * d.load_error
+        )
+    };
+    d.judgement.doubts_loads.then(message)
+}
+
 /// A judgement with its reasons, the gravest first.
 #[derive(Clone, Debug, Serialize)]
 pub struct Badge {
@@ -49,14 +61,7 @@ impl Badge {
             let what = if e.id == ELEMENT { text::error_of(&e.place, e.law) } else { e.id.to_owned() };
             reasons.push((Grade::Doubtful, format!("an error of the measurement was found: {what}")));
         }
-        if d.judgement.doubts_loads {
-            let message = format!(
-                "the loads seem to be wrong by some {:.1} % and {:.1} mrad beyond what is declared",
-                100.0 * d.load_error,
-                1e3 * d.load_error
-            );
-            reasons.push((Grade::Doubtful, message));
-        }
+        reasons.extend(doubted_loads(d).map(|message| (Grade::Doubtful, message)));
         Self::new(["sound", "doubtful", "unsound"], reasons)
     }
 

@@ -7,7 +7,7 @@ use maud::{Markup, html};
 use pkm_diagnosis::NoiseSource;
 
 use super::advice::{distinct, next_step};
-use super::badges::{Badge, Grade};
+use super::badges::{Badge, Grade, doubted_loads};
 use super::compare::{Errors, RIVALS, Rival, of};
 use super::findings::DeclaredFinding;
 use super::{Diagnosis, ELEMENT, Effect, HeldOut, SEED, Verdict, condition, readings_table, residual_plots, text};
@@ -185,6 +185,9 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
              for it.",
             text::probability(p, 2)
         )));
+    }
+    if let Some(message) = doubted_loads(d) {
+        all.push(Finding::warning(format!("Check the loads: {message}; `uncertainty.load_gain` and `load_direction_mrad` declare it.")));
     }
     all.extend(left_out.iter().map(|w| Finding::warning(format!("Check what was left out: {}", w.sentence()))));
     all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));

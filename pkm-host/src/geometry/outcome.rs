@@ -9,6 +9,10 @@ use super::model::{CHANNELS, Meaning};
 use crate::files::unloaded::{Target, Unloaded, UnloadedReading};
 use crate::tracker::rigid::Motion;
 
+/// Error of an identified machine on other poses, over the noise, above which the readings are not what the file says: joints that are off by
+/// some mrad leave less.
+const MAX_RATIO_TO_NOISE: f64 = 20.0;
+
 /// Prior deviations beyond which an estimate says that the declared uncertainty was too small.
 pub const LARGE_PULL_SD: f64 = 3.0;
 
@@ -160,13 +164,19 @@ impl Identification {
         self.tried.iter().filter(|t| t.state == TriedState::Found)
     }
 
-    /// Whether the controller should hold the identified numbers: not where nothing explains the readings and they predict places that had no
-    /// part in the fit no better than the declared ones.
+    /// Whether nothing explains the readings, and they are so far from the identified machine that they are not what the file says.
+    pub fn is_far_from_any_machine(&self) -> bool {
+        let identified = self.held_out_of(Rival::Identified);
+        self.verdict == Verdict::Unexplained && identified.is_some_and(|e| e.chi2_per_dof.sqrt() > MAX_RATIO_TO_NOISE)
+    }
+
+    /// Whether the controller should hold the identified numbers: not where nothing explains the readings and they are far from any machine,
+    /// or predict places that had no part in the fit no better than the declared ones.
     pub fn is_of_use(&self) -> bool {
         let rms = |rival| self.held_out_of(rival).map(|e| e.kinds[0].rms);
         let is_better =
             || rms(Rival::Identified).zip(rms(Rival::Declared)).is_none_or(|(after, before)| after < before);
-        self.verdict != Verdict::Unexplained || is_better()
+        self.verdict != Verdict::Unexplained || (!self.is_far_from_any_machine() && is_better())
     }
 
     /// Readings that were not left out, in the order of what is said of them.

@@ -81,13 +81,20 @@ fn verdict(found: &Identification) -> Finding {
         )),
         Verdict::Unexplained => Finding::bad(format!(
             "{before_after}. The residuals are more than noise, and neither axes or places of joints nor pitches of screws account for them: is the \
-             declared noise right, was anything loose or warm?"
+             declared noise right, was anything loose or warm, did the instrument move, are two targets exchanged, is an angle of another \
+             unit or sign?"
         )),
     }
 }
 
 /// What the identified numbers are, and what to do with them.
 fn numbers(found: &Identification) -> Vec<Finding> {
+    if found.is_far_from_any_machine() {
+        return vec![Finding::bad(
+            "The readings are not those of a machine with any such sizes: nothing is said of home positions and sizes, and machine.toml has the \
+             declared ones. Look first at the readings that stand out.",
+        )];
+    }
     if !found.is_of_use() {
         return vec![Finding::bad(
             "The identified geometry predicts places that had no part in it no better than the declared one: nothing is said of home positions and \
@@ -186,7 +193,7 @@ fn advice(found: &Identification) -> [Finding; 2] {
 /// For the terminal.
 pub fn text(found: &Identification) -> String {
     let mut text = format!("{} numbers at {} poses\n", found.size.0, found.size.1);
-    for e in &found.estimates {
+    for e in found.estimates.iter().filter(|_| found.is_of_use()) {
         let mark = if e.identifiable { "" } else { "  not identifiable" };
         text.push_str(&format!(
             "  {:<18} {:>12.4} -> {:>12.4} {} (sd {:.4}){mark}\n",

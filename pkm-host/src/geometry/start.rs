@@ -169,8 +169,8 @@ fn check_meaning(
     }
     if rms_m > REFUSED_SD * sd_m {
         let message = format!(
-            "{off}: is --machine the machine that was measured, and are places of targets and commanded poses in its axes? A machine \
-             that is so far from its declaration needs a larger uncertainty.geometry_mm"
+            "{off}: is --machine the machine that was measured, and are places of targets and commanded poses in its axes, no \
+             two targets exchanged, and no angle in another unit? A machine that is so far from its declaration needs a larger uncertainty.geometry_mm"
         );
         return Err(fail(unloaded, message));
     }

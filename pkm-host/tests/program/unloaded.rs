@@ -180,6 +180,29 @@ fn an_identification_of_no_use_moves_no_drive() {
     }
 }
 
+/// Two targets are exchanged at fifteen poses: far from any machine, which moves no drive either.
+#[test]
+fn exchanged_targets_move_no_drive() {
+    let folder = Folder::new();
+    let text = std::fs::read_to_string(fixture("unloaded/five/unloaded.csv")).unwrap();
+    let mut rows: Vec<Vec<&str>> = text.lines().map(|line| line.split(',').collect()).collect();
+    let at = |name: &str| rows[0].iter().position(|column| *column == name).unwrap();
+    let (pose, places) = (at("pose"), [at("x_mm"), at("y_mm"), at("z_mm")]);
+    for row in 1..rows.len() - 1 {
+        let [a, b] = rows.get_disjoint_mut([row, row + 1]).unwrap();
+        if a[pose] == b[pose] && row < 2 * 15 {
+            places.iter().for_each(|n| std::mem::swap(&mut a[*n], &mut b[*n]));
+        }
+    }
+    let data = folder.write("unloaded.csv", &rows.iter().map(|row| row.join(",") + "\n").collect::<String>());
+    let (machine, out) = (fixture("machines/reference.toml"), folder.path("out"));
+    let said = run(&["diagnose", "--unloaded", "--machine", &machine, "--data", &data, "--out", &out]);
+    let said = String::from_utf8(said.stdout).unwrap();
+    assert!(said.contains("are two targets exchanged") && said.contains("not those of a machine"), "{said}");
+    assert!(!said.contains("Add to the home") && !said.contains("True sizes"), "{said}");
+    assert!(folder.read("out/machine.toml").starts_with("# Geometry as declared"));
+}
+
 /// Pasted twice a file would pass for twice as many independent readings.
 #[test]
 fn readings_that_stand_there_twice_are_named() {
