@@ -187,7 +187,9 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
         )));
     }
     if let Some(message) = doubted_loads(d) {
-        all.push(Finding::warning(format!("Check the loads: {message}; `uncertainty.load_gain` and `load_direction_mrad` declare it.")));
+        all.push(Finding::warning(format!(
+            "Check the loads: {message}; `uncertainty.load_gain` and `load_direction_mrad` declare it."
+        )));
     }
     all.extend(left_out.iter().map(|w| Finding::warning(format!("Check what was left out: {}", w.sentence()))));
     all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));
