@@ -30,6 +30,8 @@ pub struct Uncertainty {
     pub load_direction_rad: f64,
     /// Of the size of a load, relative.
     pub load_gain: f64,
+    /// Of the size of all loads together, relative: that of the load cell's calibration.
+    pub load_calibration: f64,
     /// Of the size of a load, relative, drawn anew with each reading: the load cell's noise.
     pub load_random: f64,
     /// Of sizes of the platforms and of the wrist, and of the zeros of the screws, m.
@@ -91,6 +93,7 @@ pub(super) struct RawUncertainty {
     pub(super) body: Option<Number>,
     pub(super) load_direction_mrad: Option<Number>,
     pub(super) load_gain: Option<Number>,
+    pub(super) load_calibration: Option<Number>,
     pub(super) load_random: Option<Number>,
     pub(super) geometry_mm: Option<Number>,
     pub(super) geometry_mrad: Option<Number>,
@@ -233,6 +236,7 @@ impl RawUncertainty {
             body: declared(self.body.as_ref(), stiffness),
             load_direction_rad: declared(self.load_direction_mrad.as_ref(), 0.0) / 1e3,
             load_gain: declared(self.load_gain.as_ref(), 0.0),
+            load_calibration: declared(self.load_calibration.as_ref(), 0.0),
             load_random: declared(self.load_random.as_ref(), 0.0),
             geometry_m: metres(declared(self.geometry_mm.as_ref(), 1.0)),
             geometry_rad: declared(self.geometry_mrad.as_ref(), 1.0) / 1e3,
@@ -392,6 +396,7 @@ pub(super) fn check_ranges(raw: &RawMachine) -> std::result::Result<(), Misplace
         let of_loads = [
             ("uncertainty.load_direction_mrad", &u.load_direction_mrad),
             ("uncertainty.load_gain", &u.load_gain),
+            ("uncertainty.load_calibration", &u.load_calibration),
             ("uncertainty.load_random", &u.load_random),
         ];
         numbers.extend(of_loads.into_iter().filter_map(|(key, n)| Some((key, n.as_ref()?, true))));

@@ -196,7 +196,8 @@ impl Estimates {
             let gradient: DVector<f64> = slopes.collect::<Option<Vec<f64>>>()?.into();
             let (declared, identified) = (declared[q]?, identified[q]?);
             let shared = &covariance * &gradient;
-            let standard_uncertainty = gradient.dot(&shared).sqrt();
+            // loads that are all too large by a share make every stiffness too large by as much
+            let standard_uncertainty = gradient.dot(&shared).sqrt().hypot(model.uncertainty.load_calibration);
             let expanded_uncertainty = coverage.k * standard_uncertainty;
             let declared_uncertainty = is_declared.iter().map(|n| gradient[*n].powi(2)).sum::<f64>().sqrt();
             let change: f64 = identified - declared;

@@ -92,7 +92,7 @@ pub(super) fn of_table(
     if examples.is_empty() {
         return None;
     }
-    let mut numbers = covariance(&examples, OF_DEFLECTION);
+    let mut numbers = covariance(&examples, OF_DEFLECTION.hypot(model.uncertainty.load_calibration));
     let excess = unseen.excess(&numbers, &estimated, (middle, half))?;
     numbers.spread.iter_mut().for_each(|s| *s *= excess);
     Some(numbers)

@@ -328,6 +328,28 @@ fn changed(change: impl Fn(usize, &str, &str) -> Option<String>) -> String {
     out
 }
 
+/// The calibration of the load cell is no scatter: it moves nothing, and every stiffness is known to no better than that.
+#[test]
+fn stiffnesses_are_known_no_better_than_the_load_cell() {
+    let mut file = MachineFile::parse(Source::from_text("m.toml", reference_machine())).unwrap();
+    let data = Source::read(measured("p03", "measured.csv").as_ref()).unwrap();
+    let readings = Readings::read(data, &file).unwrap();
+    let quiet = |_: &str, _: u64, _: u64| {};
+    let [exact, calibrated] = [0.0, 0.03].map(|load_calibration| {
+        file.uncertainty.load_calibration = load_calibration;
+        diagnose::diagnose(&file, &readings, None, Method::Formulas, &Rules::DEFAULT, &quiet).unwrap()
+    });
+    assert_eq!(exact.machine, calibrated.machine);
+    assert!(exact.estimates.condition.len() == 9);
+    for (a, b) in exact.estimates.condition.iter().zip(&calibrated.estimates.condition) {
+        assert_eq!(a.identified, b.identified);
+        let own = a.standard_uncertainty;
+        assert!(own > 0.0 && (b.standard_uncertainty / own.hypot(0.03) - 1.0).abs() < 1e-12, "{}", b.quantity);
+    }
+    let spread = |d: &Diagnosis| d.table_uncertainty.as_ref().unwrap().spread[0];
+    assert!(spread(&calibrated) > spread(&exact), "{} {}", spread(&calibrated), spread(&exact));
+}
+
 /// Where no rival of a formula is left there is nothing to propose, and places or laws may be open all the same.
 #[test]
 fn nobody_is_sent_to_proposals_that_are_not_there() {
