@@ -10,6 +10,8 @@ pub const MIN_KELVIN: f64 = 150.0;
 pub const MIN_POINT_MM: f64 = 1.0;
 /// Numbers that instruments write for "no value", without their sign.
 pub const PLACEHOLDERS: [f64; 8] = [999.0, 999.9, 999.99, 9999.0, 9999.9, 9999.99, 99999.0, 32767.0];
+/// Greatest scatter of a load, as a share of it, median of a file: a load that scatters by more is not at rest, or not of that reading.
+pub const MAX_LOAD_RANDOM: f64 = 0.05;
 /// Ratio to the median of its column above which such a number is no reading.
 pub const MIN_PLACEHOLDER_RATIO: f64 = 10.0;
 /// Readings from which on a channel that always says the same is refused: that is no coincidence.

@@ -44,6 +44,8 @@ pub enum WarningKind {
     Placeholder,
     /// A channel that always reads the same.
     ConstantChannel,
+    /// Loads that scatter by more than a load at rest does.
+    LoadsThatScatter,
     /// Loads that never turn.
     LoadsOfOneSign,
     /// Too few repeats to take the noise from.

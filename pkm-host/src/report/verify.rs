@@ -92,6 +92,15 @@ pub(crate) fn text(v: &Verification) -> String {
             c.unit
         ));
     }
+    let is_beyond_its_own =
+        |c: &&Change| c.verdict == "unchanged" && c.change_percent.abs() > c.expanded_uncertainty_percent;
+    if let Some(c) = v.changes.iter().find(is_beyond_its_own) {
+        text.push_str(&format!(
+            "  {} is unchanged though beyond its ± 95 %: among {} quantities noise brings one such now and then\n",
+            c.quantity,
+            v.changes.len()
+        ));
+    }
     text
 }
 

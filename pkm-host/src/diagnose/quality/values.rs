@@ -7,9 +7,9 @@ use pkm_diagnosis::robust::upper_median;
 
 use super::DataWarning;
 use crate::diagnose::WarningKind;
-use crate::diagnose::reading_rules::{MIN_KELVIN, MIN_PLACEHOLDER_RATIO, MIN_POINT_MM, PLACEHOLDERS};
+use crate::diagnose::reading_rules::{MAX_LOAD_RANDOM, MIN_KELVIN, MIN_PLACEHOLDER_RATIO, MIN_POINT_MM, PLACEHOLDERS};
 use crate::error::lines_text;
-use crate::files::dataset::{POINT_COLUMNS, READ_COLUMNS, Sheet, WRENCH_COLUMNS};
+use crate::files::dataset::{LOAD_RANDOM_COLUMN, POINT_COLUMNS, READ_COLUMNS, Sheet, WRENCH_COLUMNS};
 use crate::pose::MAX_RADIANS;
 
 /// Lines and numbers of a column; empty where it is not there.
@@ -32,6 +32,7 @@ pub(super) fn check(sheet: &Sheet) -> Vec<DataWarning> {
         all.extend(placeholders(&numbers(sheet, column), column));
     }
     all.extend(READ_COLUMNS.into_iter().filter_map(|column| constant(&numbers(sheet, column), column)));
+    all.extend(scattered(sheet));
     all.extend(one_sided(sheet));
     all
 }
@@ -104,6 +105,18 @@ fn constant(numbers: &[(u64, f64)], column: &'static str) -> Option<DataWarning>
         );
         DataWarning::new(WarningKind::ConstantChannel, message).at_column(column)
     })
+}
+
+/// Loads that scatter by more than a load at rest does, as joined to readings by clocks that are apart.
+fn scattered(sheet: &Sheet) -> Option<DataWarning> {
+    let mut shares: Vec<f64> = numbers(sheet, LOAD_RANDOM_COLUMN).into_iter().map(|(_, v)| v).collect();
+    let median = upper_median(&mut shares).filter(|median| *median > MAX_LOAD_RANDOM)?;
+    let message = format!(
+        "the loads scatter by {:.0} % (median): was the load not at rest, or are the clocks of load cell and readings apart? Readings under \
+         such loads say little",
+        100.0 * median
+    );
+    Some(DataWarning::new(WarningKind::LoadsThatScatter, message).at_column(LOAD_RANDOM_COLUMN))
 }
 
 /// Loads of one sign alone: clearance, preload and a shifted zero look like compliance then.

@@ -154,6 +154,7 @@ const DOUBTFUL: &[Case] = &[
     ("loads in pounds", |t| t.map(&LOADS[..3], |c| scaled(c, 1.0 / 4.448_221_615)).map(&LOADS[3..], |c| scaled(c, 1.0 / 1.355_817_948)), "readings_taken_otherwise", 0, "", "with forces in lbf and moments in lbf·ft", 1),
     ("forces in pounds", |t| t.map(&LOADS[..3], |c| scaled(c, 1.0 / 4.448_221_615)), "readings_taken_otherwise", 0, "", "with forces in lbf, or with forces in lbf and moments in lbf·ft (", 1),
     ("loads that never turn", one_sign, "loads_of_one_sign", 0, "", "load reversed", 1),
+    ("loads that scatter", |t| t.with(4, "load_random", "0.3"), "loads_that_scatter", 0, "load_random", "scatter by 30 % (median)|clocks", 1),
     ("no repeats", without_repeats, "few_repeats", 0, "", "0 degrees of freedom|read 10 more|such as those of lines", 1),
     ("a series at several poses", |t| t.map(&["series"], |_| "1".into()), "series_at_several_poses", 0, "", "number the series through", 1),
     ("a pose with another place", |t| row(t, 0, &["theta_deg"], |c| scaled(c, 1.01)), "pose_name_at_several_positions", 0, "", "mistyped", 2),
