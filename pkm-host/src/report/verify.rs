@@ -151,3 +151,33 @@ pub(crate) fn html(v: &Verification, machine: &str, facts: Vec<(&str, String)>, 
     findings.extend(advice(v));
     Page { title: format!("What has changed: {machine}"), findings: &findings, warnings, body, facts }.html()
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_change_beyond_its_own_interval_that_is_none_says_why() {
+        let change = |change_percent: f64| Change {
+            quantity: "k33".into(),
+            what: "platform at the middle of the box, along w".into(),
+            unit: "N/m".into(),
+            before: 1e8,
+            after: 1e8 * (1.0 + change_percent / 100.0),
+            change_percent,
+            standard_uncertainty_percent: 8.0,
+            expanded_uncertainty_percent: 16.0,
+            k: 2.0,
+            degrees_of_freedom: None,
+            p: 0.02,
+            probability: 0.99,
+            verdict: "unchanged",
+        };
+        let said = |percent: f64| {
+            let changes = vec![change(percent), change(0.0)];
+            text(&Verification { verdict: "unchanged", changes, findings: Vec::new(), doubts: Vec::new() })
+        };
+        assert!(said(18.0).contains("k33 is unchanged though beyond its ± 95 %: among 2 quantities"), "{}", said(18.0));
+        assert!(!said(15.0).contains("though"), "{}", said(15.0));
+    }
+}
