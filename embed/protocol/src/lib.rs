@@ -92,7 +92,7 @@
 //! restart panic exception stack self_test
 //! ```
 //!
-//! (see [`Fault`]). A bad line gets an error and changes nothing. Its `id` is null when the line could not be read as fields of a
+//! (see [`Fault`]). A bad line gets an error and changes nothing that is in service; a refused `table`, `swap` or number drops the table that is on its way. Its `id` is null when the line could not be read as fields of a
 //! command, also for a single unknown field or a NaN: wait for each reply, or count lines. Blank lines get no reply. Numbers
 //! are JSON's, as the shortest decimal that reads back to the same bits; those of a reply are of the arithmetic that was asked for.
 //! [`Lines`] finds the next line after anything.
