@@ -9,7 +9,7 @@ use pkm_core::{Pose, Wrench};
 
 use crate::files::import::{FOOT_M, GRAVITY, POUND_N};
 use crate::files::pose::NamedPose;
-use crate::files::readings::{CHANNELS, KINDS, Readings};
+use crate::files::readings::{CHANNELS, GAUGE, KINDS, Readings};
 
 /// Units that instruments show beside those of the file.
 const ARCSECOND_URAD: f64 = 1e6 * PI / (180.0 * 3600.0);
@@ -211,6 +211,56 @@ fn of_columns(name: &str, exchange: &Matrix3<f64>) -> Vec<(String, Turns)> {
     ]
 }
 
+/// Most gauges of a file of which each may be reversed: more are no fixed gauges.
+const MAX_GAUGES: usize = 12;
+
+/// A gauge, or all along one direction.
+#[derive(Clone, Copy, PartialEq)]
+struct Gauge {
+    direction: [f64; 3],
+    point_m: Option<[f64; 3]>,
+}
+
+impl Gauge {
+    /// Those of some readings: by direction, and by direction and point where there are several points.
+    fn all(readings: &Readings) -> Vec<Self> {
+        let mut all: Vec<Self> = Vec::new();
+        for c in &readings.conditions {
+            for point_m in [None, Some(c.point_m)] {
+                let own = c.gauge.map(|direction| Self { direction, point_m });
+                all.extend(own.filter(|own| !all.contains(own)));
+            }
+        }
+        let points = |direction| all.iter().filter(|g| g.direction == direction && g.point_m.is_some()).count();
+        let kept: Vec<Self> = all.iter().filter(|g| g.point_m.is_none() || points(g.direction) > 1).copied().collect();
+        if kept.len() > MAX_GAUGES { Vec::new() } else { kept }
+    }
+
+    /// For people.
+    fn name(&self) -> String {
+        let [u, v, w] = self.direction;
+        let axis = ["u", "v", "w"].into_iter().zip(self.direction).find(|(_, share)| share.abs() == 1.0);
+        let along = match axis {
+            Some((axis, share)) => format!("{}{axis}", if share < 0.0 { "−" } else { "" }),
+            None => format!("({u:.2}, {v:.2}, {w:.2})"),
+        };
+        let at = self.point_m.map(|point_m| point_m.map(|v| 1e3 * v));
+        at.map_or(format!("along {along}"), |[u, v, w]| format!("along {along} at ({u:.0}, {v:.0}, {w:.0}) mm"))
+    }
+
+    /// The readings with it reversed.
+    fn reversed(&self, readings: &Readings) -> Readings {
+        let mut other = readings.clone();
+        for r in &mut other.readings {
+            let c = &readings.conditions[r.condition];
+            if c.gauge == Some(self.direction) && self.point_m.is_none_or(|point_m| c.point_m == point_m) {
+                r.observed[GAUGE] = r.observed[GAUGE].map(|v| -v);
+            }
+        }
+        other
+    }
+}
+
 /// All ways that are tried.
 pub fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a>> {
     let mut all = Vec::new();
@@ -249,6 +299,10 @@ pub fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a
             Box::new(move |_| [exchange, exchange * axial]),
             Some(axial),
         );
+    }
+    for gauge in Gauge::all(readings) {
+        let how = format!("with the gauge {} reversed", gauge.name());
+        all.push(Way { how, taken: Box::new(move || Some(gauge.reversed(readings))), is_as_predicted: true });
     }
     let mut otherwise = |how: String, taken: Taken<'a>| {
         all.push(Way { how, taken, is_as_predicted: false });

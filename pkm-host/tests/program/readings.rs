@@ -43,34 +43,61 @@ fn gauges_are_predicted_along_their_direction() {
     assert_eq!(json(&["check", &folder.path("p.csv")])["readings"], 3);
 }
 
-/// Three gauges, none along an axis, in place of the translations of a set.
-#[test]
-fn a_diagnosis_takes_gauges() {
-    const SET: &str = "own-limb-1-axial-easy";
+/// Of a set with limb 1 softer.
+fn of_set(name: &str) -> String {
+    fixture(&format!("measured/own-limb-1-axial-easy/{name}"))
+}
+
+/// Three gauges, none along an axis, in place of the translations of a set; a sign for each pose and gauge.
+fn with_gauges(sign: impl Fn(&str, usize) -> f64) -> String {
     const DIRECTIONS: [[f64; 3]; 3] = [[2.0, -3.0, 6.0], [3.0, 6.0, 2.0], [6.0, -2.0, -3.0]];
-    let folder = Folder::new();
-    let file = |name: &str| fixture(&format!("measured/{SET}/{name}"));
-    let text = std::fs::read_to_string(file("measured.csv")).unwrap();
+    let text = std::fs::read_to_string(of_set("measured.csv")).unwrap();
     let mut gauges = format!("{POSE_AND_LOAD},series,direction,gauge_u,gauge_v,gauge_w,gauge_um\n");
     for row in cells(&text) {
-        for [u, v, w] in DIRECTIONS {
+        for (gauge, [u, v, w]) in DIRECTIONS.into_iter().enumerate() {
             let [x, y, z] = ["dx_um", "dy_um", "dz_um"].map(|c| row(c).parse::<f64>().unwrap());
             let kept: Vec<String> = POSE_AND_LOAD.split(',').map(&row).collect();
-            let read = (u * x + v * y + w * z) / 7.0;
+            let read = sign(&kept[0], gauge) * (u * x + v * y + w * z) / 7.0;
             // each gauge has a zero of its own
             let _ =
                 writeln!(gauges, "{},{}{u},{},{u},{v},{w},{read:.3}", kept.join(","), row("series"), row("direction"));
         }
     }
+    gauges
+}
+
+/// One gauge is reversed, everywhere or at one pose: it is named, and not the axes of all readings.
+#[test]
+fn a_gauge_that_is_reversed_is_named() {
+    let folder = Folder::new();
+    let problems = |gauges: &str| {
+        let data = folder.write("d.csv", gauges);
+        json(&["check", &data, "--machine", &of_set("machine.toml")])["problems"].clone()
+    };
+    let reversed = |is_own: bool| if is_own { -1.0 } else { 1.0 };
+    for (gauges, kind) in [
+        (with_gauges(|_, gauge| reversed(gauge == 1)), "readings_taken_otherwise"),
+        (with_gauges(|pose, gauge| reversed(gauge == 1 && pose == "p03")), "pose_taken_otherwise"),
+    ] {
+        let problems = problems(&gauges);
+        let named = problems.as_array().unwrap().iter().find(|p| p["kind"] == kind);
+        let message = named.unwrap_or_else(|| panic!("{problems}"))["message"].as_str().unwrap();
+        assert!(message.contains("with the gauge along (0.43, 0.86, 0.29) reversed"), "{message}");
+    }
+}
+
+#[test]
+fn a_diagnosis_takes_gauges() {
+    let (folder, gauges) = (Folder::new(), with_gauges(|_, _| 1.0));
     let (data, out) = (folder.write("d.csv", &gauges), folder.path("out"));
     let found = json(&[
         "diagnose",
         "--machine",
-        &file("machine.toml"),
+        &of_set("machine.toml"),
         "--data",
         &data,
         "--holdout",
-        &file("heldout.csv"),
+        &of_set("heldout.csv"),
         "--out",
         &out,
     ]);
