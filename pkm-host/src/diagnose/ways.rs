@@ -212,7 +212,7 @@ fn of_columns(name: &str, exchange: &Matrix3<f64>) -> Vec<(String, Turns)> {
 }
 
 /// Most gauges of a file of which each may be reversed: more are no fixed gauges.
-const MAX_GAUGES: usize = 12;
+const MAX_GAUGES: usize = 48;
 
 /// A gauge, or all along one direction.
 #[derive(Clone, Copy, PartialEq)]
@@ -264,6 +264,11 @@ impl Gauge {
 /// All ways that are tried.
 pub fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a>> {
     let mut all = Vec::new();
+    // one gauge is plainer than an axis, which does the same where all are read by gauges
+    for gauge in Gauge::all(readings) {
+        let how = format!("with the gauge {} reversed", gauge.name());
+        all.push(Way { how, taken: Box::new(move || Some(gauge.reversed(readings))), is_as_predicted: true });
+    }
     let has_gauges = readings.conditions.iter().any(|c| c.gauge.is_some());
     let mut turn = |how: String, turns: Turns, axial: Option<f64>| {
         let taken = Box::new(move || in_turned_axes(readings, &turns, axial));
@@ -299,10 +304,6 @@ pub fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a
             Box::new(move |_| [exchange, exchange * axial]),
             Some(axial),
         );
-    }
-    for gauge in Gauge::all(readings) {
-        let how = format!("with the gauge {} reversed", gauge.name());
-        all.push(Way { how, taken: Box::new(move || Some(gauge.reversed(readings))), is_as_predicted: true });
     }
     let mut otherwise = |how: String, taken: Taken<'a>| {
         all.push(Way { how, taken, is_as_predicted: false });
