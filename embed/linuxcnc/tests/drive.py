@@ -233,6 +233,16 @@ def go(place):
     mdi("G0 " + to(place))
 
 
+def go_after_a_fault(place):
+    """Again, where the first command came too soon after the machine was on: LinuxCNC then neither moves nor says anything."""
+    for _ in range(10):
+        stood = poll().position[:5]
+        go(place)
+        if poll().position[:5] != stood or verdict["messages"]:
+            return
+        time.sleep(0.5)
+
+
 def run_program(step, program):
     mode(linuxcnc.MODE_AUTO)
     command.program_open(program)
@@ -292,7 +302,7 @@ def run():
     go(wish["through"])
     done("through")
     turn_on()
-    go(wish["home"])
+    go_after_a_fault(wish["home"])
     done("after")
 
     faults()
