@@ -51,7 +51,7 @@ impl Badge {
 
     /// Of the readings.
     pub fn measurement(d: &Diagnosis) -> Self {
-        let grade = |w: &Warning| if w.kind.makes_unsound() { Grade::Bad } else { Grade::Doubtful };
+        let grade = |w: &Warning| if w.makes_unsound { Grade::Bad } else { Grade::Doubtful };
         let mut reasons: Vec<(Grade, String)> = d.warnings.iter().map(|w| (grade(w), w.message.clone())).collect();
         if let [first, rest @ ..] = d.suspects.as_slice() {
             let others = if rest.is_empty() { String::new() } else { format!(", and {} more", rest.len()) };

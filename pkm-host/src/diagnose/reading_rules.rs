@@ -30,6 +30,9 @@ pub const MIN_NUMBERS_OF_DECLARED_NOISE: usize = 60;
 
 /// Warmth of the machine within a series, K, from which on it grows by more than a sensor drifts.
 pub const MAX_WARMING_K: f64 = 0.5;
+/// Greatest drift of a zero over a series, in standard deviations of a reading, beside which what is found is still said: one of 6 had the
+/// base named for it, one of 3 nothing.
+pub const MAX_SOUND_DRIFT_SD: f64 = 4.0;
 /// Least number of equal readings in a row of one sensor that sticks.
 pub const MIN_STUCK_READINGS: usize = 5;
 /// By how many steps of the sensor the declared machine has to move meanwhile: so far off no machine is.

@@ -69,15 +69,11 @@ pub enum WarningKind {
 }
 
 impl WarningKind {
-    /// Whether readings of which this is said are not to be relied on.
-    pub fn makes_unsound(self) -> bool {
+    /// Whether readings of which this is said are not to be relied on, whatever the size of what is said.
+    fn makes_unsound(self) -> bool {
         matches!(
             self,
-            Self::ReadingsTakenOtherwise
-                | Self::DeclaredNoiseTooGreat
-                | Self::ManyGreatChanges
-                | Self::DriftWithinSeries
-                | Self::StuckReadings
+            Self::ReadingsTakenOtherwise | Self::DeclaredNoiseTooGreat | Self::ManyGreatChanges | Self::StuckReadings
         )
     }
 }
@@ -93,12 +89,15 @@ pub struct Warning {
     pub lines: Vec<u64>,
     /// Whether the readings that it is about were left out, so that what is found stands without them.
     pub left_out: bool,
+    /// Whether readings of which this is said are not to be relied on.
+    #[serde(skip)]
+    pub makes_unsound: bool,
 }
 
 impl Warning {
     /// Of the readings as a whole, which are not left out.
     pub fn new(kind: WarningKind, message: String) -> Self {
-        Self { kind, message, lines: Vec::new(), left_out: false }
+        Self { kind, message, lines: Vec::new(), left_out: false, makes_unsound: kind.makes_unsound() }
     }
 
     /// With its full stop, where it is no question.

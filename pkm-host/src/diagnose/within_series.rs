@@ -6,7 +6,7 @@ use pkm_diagnosis::drift::{Drift, drifts};
 use pkm_diagnosis::{Observations, Rules};
 
 use super::experiment::Experiment;
-use super::reading_rules::{MAX_WARMING_K, MIN_STUCK_READINGS, MIN_STUCK_STEPS};
+use super::reading_rules::{MAX_SOUND_DRIFT_SD, MAX_WARMING_K, MIN_STUCK_READINGS, MIN_STUCK_STEPS};
 use super::warning::{Warning, WarningKind};
 use crate::error::lines_text;
 use crate::files::dataset::READ_COLUMNS;
@@ -41,7 +41,8 @@ pub fn of_drift(readings: &Readings, read: &Observations, rules: &Rules) -> Opti
          found may be this drift: let sensor and machine come to rest, read the zero again within each series, or the loads forth and \
          back"
     );
-    Some(Warning::new(WarningKind::DriftWithinSeries, message))
+    let makes_unsound = all.iter().any(|d| d.over_noise > MAX_SOUND_DRIFT_SD);
+    Some(Warning { makes_unsound, ..Warning::new(WarningKind::DriftWithinSeries, message) })
 }
 
 /// Least difference of two numbers of a channel: the step of what was read, whatever its digits.

@@ -350,6 +350,36 @@ fn stiffnesses_are_known_no_better_than_the_load_cell() {
     assert!(spread(&calibrated) > spread(&exact), "{} {}", spread(&calibrated), spread(&exact));
 }
 
+/// Beside a zero that drifts by little what is found is still said, beside one that drifts by much it is not.
+#[test]
+fn a_great_drift_within_series_makes_readings_unsound() {
+    let folder = Folder::new();
+    let text = std::fs::read_to_string(fixture("measured/own-none-1/measured.csv")).unwrap();
+    let mut lines = text.lines().filter(|l| !l.starts_with('#'));
+    let header = lines.next().unwrap();
+    let column = |name: &str| header.split(',').position(|h| h == name).unwrap();
+    let (series, z) = (column("series"), column("dz_um"));
+    let rows: Vec<Vec<&str>> = lines.map(|l| l.split(',').collect()).collect();
+    for (um_per_reading, measurement) in [(0.0, "sound"), (1.0, "doubtful"), (6.0, "unsound")] {
+        let (mut data, mut place) = (format!("{header}\n"), 0);
+        for (n, row) in rows.iter().enumerate() {
+            place = if n > 0 && rows[n - 1][series] == row[series] { place + 1 } else { 0 };
+            let is_drifting = row[series].parse::<usize>().unwrap() % 2 == 0;
+            let read =
+                row[z].parse::<f64>().unwrap() + f64::from(place) * if is_drifting { um_per_reading } else { 0.0 };
+            let read = format!("{read:.3}");
+            let cells: Vec<&str> = row.iter().enumerate().map(|(n, c)| if n == z { &read } else { *c }).collect();
+            data += &(cells.join(",") + "\n");
+        }
+        let machine = fixture("measured/own-none-1/machine.toml");
+        let args = ["diagnose", "--method", "formulas", "--machine", &machine, "--data", &folder.write("d.csv", &data)];
+        let found = json(&[&args[..], &["--out", &folder.path("out")]].concat());
+        assert_eq!(found["measurement"]["verdict"], measurement, "{um_per_reading}: {}", found["measurement"]);
+        let kinds = found["doubts"].as_array().unwrap().iter().map(|d| d["kind"].as_str().unwrap());
+        assert_eq!(kinds.filter(|k| *k == "drift_within_series").count(), usize::from(um_per_reading > 0.0));
+    }
+}
+
 /// Where no rival of a formula is left there is nothing to propose, and places or laws may be open all the same.
 #[test]
 fn nobody_is_sent_to_proposals_that_are_not_there() {
