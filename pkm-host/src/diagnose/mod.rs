@@ -312,7 +312,6 @@ impl Searched<'_> {
         suspects.extend(checks::suspects(readings, &residuals.outliers(read, rules), own.of(Rival::After), false));
         step(4, "report");
         let standard_deviations = standard_deviations(noise, &observations(given, model));
-        let estimates = Estimates::new(model, &search.fit, noise, middle(file));
         let name = |r: &search::Ranked| model.candidates[r.candidate].name();
         step(5, "report");
         let declared = findings::declared_findings(problem, model, &search);
@@ -330,7 +329,7 @@ impl Searched<'_> {
             single_poses: readings.poses.len() <= rules.max_single_poses,
             structure,
             machine: model.state(&search.fit.unknowns, search.fit.x.as_slice(), false).machine,
-            estimates,
+            estimates: Estimates::new(model, &search.fit, noise, middle(file)),
             load_error: levels.load_error(search.levels[1]),
             noise: noise.clone(),
             judgement,

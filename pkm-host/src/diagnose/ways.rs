@@ -248,6 +248,16 @@ impl Gauge {
         at.map_or(format!("along {along}"), |[u, v, w]| format!("along {along} at ({u:.0}, {v:.0}, {w:.0}) mm"))
     }
 
+    /// Each reversed.
+    fn ways(readings: &Readings) -> Vec<Way<'_>> {
+        let way = |gauge: Self| Way {
+            how: format!("with the gauge {} reversed", gauge.name()),
+            taken: Box::new(move || Some(gauge.reversed(readings))),
+            is_as_predicted: true,
+        };
+        Self::all(readings).into_iter().map(way).collect()
+    }
+
     /// The readings with it reversed.
     fn reversed(&self, readings: &Readings) -> Readings {
         let mut other = readings.clone();
@@ -263,12 +273,8 @@ impl Gauge {
 
 /// All ways that are tried.
 pub fn other_ways<'a>(readings: &'a Readings, tip_m: Vector3<f64>) -> Vec<Way<'a>> {
-    let mut all = Vec::new();
     // one gauge is plainer than an axis, which does the same where all are read by gauges
-    for gauge in Gauge::all(readings) {
-        let how = format!("with the gauge {} reversed", gauge.name());
-        all.push(Way { how, taken: Box::new(move || Some(gauge.reversed(readings))), is_as_predicted: true });
-    }
+    let mut all = Gauge::ways(readings);
     let has_gauges = readings.conditions.iter().any(|c| c.gauge.is_some());
     let mut turn = |how: String, turns: Turns, axial: Option<f64>| {
         let taken = Box::new(move || in_turned_axes(readings, &turns, axial));
