@@ -86,8 +86,7 @@ fn call_everything<T: Scalar>(machine: &Machine<T>, table: &CorrectionTable<'_, 
         Ok(warm) => _ = black_box(warm.stiffness(&pose)),
         Err(e) => show(e),
     }
-    let matrix = black_box(Matrix6::repeat(a));
-    let stiffness = Stiffness::from_lower(&matrix);
+    let stiffness = Stiffness::from_lower(&black_box(Matrix6::repeat(a)));
     black_box((stiffness.matrix(), stiffness.principal()));
     if let Ok(factor) = stiffness.factor() {
         black_box((factor.stiffness(), factor.lower()));
