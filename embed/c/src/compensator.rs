@@ -363,7 +363,7 @@ macro_rules! compensator {
             // SAFETY: the caller's promise
             unsafe {
                 answer(offset, || {
-                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
+                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.core, given(pose)?.core());
                     let (tip, reading) = (given(tip)?.uvw_m.into(), given(reading)?.core());
                     let compensator = taken(compensator)?.0.running()?;
                     Ok(PkmOffset::of(compensator.update(&Model::new(machine, table), &pose, tip, &reading)))
@@ -393,7 +393,7 @@ macro_rules! compensator {
             // SAFETY: the caller's promise
             unsafe {
                 answer(offset, || {
-                    let (machine, table, wrist) = (given(machine)?.core(), &given(table)?.0, &given(wrist)?.0);
+                    let (machine, table, wrist) = (given(machine)?.core(), &given(table)?.core, &given(wrist)?.0);
                     let (configuration, reading) = (given(configuration)?.core(), given(reading)?.core());
                     let compensator = taken(compensator)?.0.running()?;
                     let model = Model::new(machine, table);

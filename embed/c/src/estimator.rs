@@ -214,7 +214,7 @@ macro_rules! estimator {
             // SAFETY: the caller's promise
             unsafe {
                 answer(learned, || {
-                    let (machine, table, touch) = (given(machine)?.core(), &given(table)?.0, given(touch)?.core());
+                    let (machine, table, touch) = (given(machine)?.core(), &given(table)?.core, given(touch)?.core());
                     let first = given(readings)?;
                     let any = taken(estimator)?.running_mut()?;
                     if !(1..=MAX_COMPONENTS).contains(&count) {
@@ -365,7 +365,7 @@ macro_rules! estimator {
             // SAFETY: the caller's promise
             unsafe {
                 answer(offset, || {
-                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
+                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.core, given(pose)?.core());
                     let (tip, reading) = (given(tip)?.uvw_m.into(), given(reading)?.core());
                     let uncertainty = if uncertainty.is_null() { None } else { Some(&given(uncertainty)?.0) };
                     let any = given(estimator)?.running()?;
@@ -402,7 +402,7 @@ macro_rules! estimator {
             // SAFETY: the caller's promise
             unsafe {
                 answer(offset, || {
-                    let (machine, table, wrist) = (given(machine)?.core(), &given(table)?.0, &given(wrist)?.0);
+                    let (machine, table, wrist) = (given(machine)?.core(), &given(table)?.core, &given(wrist)?.0);
                     let reading = given(reading)?.core();
                     let uncertainty = if uncertainty.is_null() { None } else { Some(&given(uncertainty)?.0) };
                     let configuration = given(configuration)?.core();

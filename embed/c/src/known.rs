@@ -104,7 +104,7 @@ macro_rules! functions {
             // SAFETY: the caller's promise
             unsafe {
                 answer(known, || {
-                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
+                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.core, given(pose)?.core());
                     let uncertainty = &given(uncertainty)?.0;
                     let (wrench, tip) = (given(wrench_at_tip)?.core(), given(tip)?);
                     let KnownCycle { cycle, uncertainty, share } =
@@ -137,7 +137,7 @@ macro_rules! functions {
             unsafe {
                 answer(offset, || {
                     let (machine, pose) = (given(machine)?.core(), given(pose)?.core());
-                    let model = Model::new(machine, &given(table)?.0).with_uncertainty(&given(uncertainty)?.0);
+                    let model = Model::new(machine, &given(table)?.core).with_uncertainty(&given(uncertainty)?.0);
                     let (tip, reading) = (given(tip)?.uvw_m.into(), given(reading)?.core());
                     let compensator = taken(compensator)?.0.running()?;
                     let offset = compensator.update(&model, &pose, tip, &reading);
@@ -169,7 +169,7 @@ macro_rules! functions {
             unsafe {
                 answer(offset, || {
                     let (machine, wrist) = (given(machine)?.core(), &given(wrist)?.0);
-                    let model = Model::new(machine, &given(table)?.0).with_uncertainty(&given(uncertainty)?.0);
+                    let model = Model::new(machine, &given(table)?.core).with_uncertainty(&given(uncertainty)?.0);
                     let (configuration, reading) = (given(configuration)?.core(), given(reading)?.core());
                     let compensator = taken(compensator)?.0.running()?;
                     let offset = compensator.update(&model, wrist, &configuration, &reading);

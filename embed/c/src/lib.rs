@@ -74,7 +74,7 @@ macro_rules! functions {
             }
         }
 
-        static $the_table: PkmTable<$t> = PkmTable(coefficients::$the_table);
+        static $the_table: PkmTable<$t> = PkmTable { core: coefficients::$the_table };
         static $the_wrist: PkmWrist<$t> = PkmWrist(coefficients::$the_wrist);
 
         /// The compiled-in machine.
@@ -254,7 +254,7 @@ macro_rules! functions {
             // SAFETY: the caller's promise
             unsafe {
                 answer(domain, || {
-                    let (table, pose) = (&given(table)?.0, given(pose)?.core());
+                    let (table, pose) = (&given(table)?.core, given(pose)?.core());
                     finite([pose.theta_rad, pose.sigma_rad, pose.z0_m])?;
                     Ok(table.domain(&pose).into())
                 })
@@ -275,7 +275,7 @@ macro_rules! functions {
             // SAFETY: the caller's promise
             unsafe {
                 answer(corrected, || {
-                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
+                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.core, given(pose)?.core());
                     Ok(table.factor_form(machine, &pose)?.into())
                 })
             }
@@ -299,7 +299,7 @@ macro_rules! functions {
             // SAFETY: the caller's promise
             unsafe {
                 answer(deflection, || {
-                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
+                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.core, given(pose)?.core());
                     let wrench = given(wrench)?.core();
                     let turned_at = if turned_at.is_null() { Wrench::ZERO } else { given(turned_at)?.core() };
                     Ok(machine.deflection(Some(table), &pose, &wrench, &turned_at)?.into())
@@ -372,7 +372,7 @@ macro_rules! functions {
             // SAFETY: the caller's promise
             unsafe {
                 answer(cycle, || {
-                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.0, given(pose)?.core());
+                    let (machine, table, pose) = (given(machine)?.core(), &given(table)?.core, given(pose)?.core());
                     let (wrench, tip) = (given(wrench_at_tip)?.core(), given(tip)?);
                     Ok(table.cycle(machine, &pose, &wrench, tip.uvw_m.into())?.into())
                 })

@@ -133,7 +133,7 @@ macro_rules! table {
                     // for as long as the caller leaves the buffer alone
                     let room: &'static TableBuffer<$t, PKM_TABLE_TERMS> = &*room;
                     let whole = room.table().ok_or(PkmError::NotATable)?;
-                    (&raw mut (*buffer).table).cast::<PkmTable<$t>>().write(PkmTable(whole));
+                    (&raw mut (*buffer).table).cast::<PkmTable<$t>>().write(PkmTable { core: whole });
                     Ok((&raw const (*buffer).table).cast::<PkmTable<$t>>())
                 })
             }
@@ -147,7 +147,7 @@ macro_rules! table {
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $watch_begin(watch: *mut PkmTableWatch, table: *const PkmTable<$t>) -> PkmError {
             // SAFETY: the caller's promise
-            unsafe { answer(watch, || Ok(TableWatch::new(given(table)?.0.checksum()).into())) }
+            unsafe { answer(watch, || Ok(TableWatch::new(given(table)?.core.checksum()).into())) }
         }
 
         /// Looks at the next eight numbers of the table that the period uses. A bit that flips in a table of n numbers, 6 + 30 for each
@@ -162,7 +162,7 @@ macro_rules! table {
             let looked = unsafe { taken(watch).and_then(|watch| Ok((watch, given(table)?))) };
             looked.map_or_else(PkmError::from, |(watch, table)| {
                 let mut core = watch.core();
-                let found = core.look(&table.0);
+                let found = core.look(&table.core);
                 *watch = core.into();
                 found.map_or_else(PkmError::from, |()| PkmError::Ok)
             })

@@ -123,7 +123,7 @@ macro_rules! functions {
             unsafe {
                 answer(compensated, || {
                     let five = FiveAxis { machine: given(machine)?.core(), wrist: &given(wrist)?.0 };
-                    let (table, tool) = (&given(table)?.0, given(tool)?.core());
+                    let (table, tool) = (&given(table)?.core, given(tool)?.core());
                     let (wrench, near) = (given(wrench)?.core(), given(near)?.core());
                     Ok(five.compensated(Some(table), &tool, &wrench, &near)?.into())
                 })

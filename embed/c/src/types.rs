@@ -19,7 +19,9 @@ pub struct PkmMachine<T> {
 }
 
 /// A correction table.
-pub struct PkmTable<T: 'static>(pub(crate) CorrectionTable<'static, T>);
+pub struct PkmTable<T: 'static> {
+    pub(crate) core: CorrectionTable<'static, T>,
+}
 
 /// A wrist: the two rotary joints between moving platform and tool.
 pub struct PkmWrist<T>(pub(crate) Wrist<T>);

@@ -52,7 +52,7 @@ macro_rules! weight {
         ) -> PkmError {
             // SAFETY: the caller's promise
             done((|| unsafe {
-                let (machine, table, weight) = (given(machine)?.core(), &given(table)?.0, given(weight)?.core());
+                let (machine, table, weight) = (given(machine)?.core(), &given(table)?.core, given(weight)?.core());
                 let (model, zeroed_at) = (Model::new(machine, table), given(zeroed_at)?.core());
                 let tip = given(tip)?.uvw_m.into();
                 let compensator = taken(compensator)?.0.running()?;
@@ -88,7 +88,7 @@ macro_rules! weight {
         ) -> PkmError {
             // SAFETY: the caller's promise
             done((|| unsafe {
-                let (machine, table, wrist) = (given(machine)?.core(), &given(table)?.0, &given(wrist)?.0);
+                let (machine, table, wrist) = (given(machine)?.core(), &given(table)?.core, &given(wrist)?.0);
                 let (platform, tool) = (given(platform)?.core(), given(tool)?.core());
                 let model = Model::new(machine, table);
                 let zeroed_at = given(zeroed_at)?.core();
