@@ -26,7 +26,7 @@
 #include <stdint.h>
 
 /* Of this header; pkm_version() is that of the library. */
-#define PKM_VERSION "0.4.0"
+#define PKM_VERSION "0.5.0"
 
 #if defined(__GNUC__)
 #define PKM_MUST_USE __attribute__((warn_unused_result))
@@ -1627,24 +1627,28 @@ PKM_MUST_USE PkmError pkm_estimator_follow_f64(PkmEstimator_f64 *estimator, doub
 // Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE PkmError pkm_estimator_state_f64(const PkmEstimator_f64 *estimator, PkmEstimatorState *state, size_t size);
 
-// Writes what it knows into a slot of `size` bytes, at least `pkm_estimator_state_bytes`. A controller keeps two slots in
-// memory that stays and writes over the older one, as `pkm_estimator_newest` says: a cut at any byte leaves the newer.
-// `sequence` is one more than that of the last save. Nothing is written on an error.
+// Writes what it knows beyond `table`, with which it has learned, into a slot of `size` bytes, at least
+// `pkm_estimator_state_bytes`. A controller keeps two slots in memory that stays and writes over the older one, as
+// `pkm_estimator_newest` says: a cut at any byte leaves the newer. `sequence` is one more than that of the last save. Nothing is
+// written on an error.
 //
 // Errors: NOT_INITIALISED, WRONG_SIZE.
 PKM_MUST_USE
 PkmError pkm_estimator_save_f64(const PkmEstimator_f64 *estimator,
+                                const PkmTable_f64 *table,
                                 uint32_t sequence,
                                 uint8_t *slot,
                                 size_t size);
 
-// Goes on from what was saved in a slot of `size` bytes, the newest of two. On an error nothing has changed. What a library with
-// another machine or table has saved is refused: what was learned beyond one table another may have already. For that reason
-// begin anew where a table of `pkm_table_receive` comes into service, and save nothing beyond it.
+// Goes on from what was saved in a slot of `size` bytes, the newest of two, with `table` in service. On an error nothing has
+// changed. What was learned beyond another table, or on another machine, is refused: this table may have it already. For that
+// reason begin anew where a table of `pkm_table_receive` comes into service. After a start `pkm_table` is in service again, or
+// what was received first: restore with that.
 //
 // Errors: NOT_INITIALISED, WRONG_SIZE, STATE_NOT_WHOLE, OTHER_STATE.
 PKM_MUST_USE
 PkmError pkm_estimator_restore_f64(PkmEstimator_f64 *estimator,
+                                   const PkmTable_f64 *table,
                                    const uint8_t *slot,
                                    size_t size);
 
@@ -1732,24 +1736,28 @@ PKM_MUST_USE PkmError pkm_estimator_follow_f32(PkmEstimator_f32 *estimator, floa
 // Errors: WRONG_SIZE, NOT_INITIALISED.
 PKM_MUST_USE PkmError pkm_estimator_state_f32(const PkmEstimator_f32 *estimator, PkmEstimatorState *state, size_t size);
 
-// Writes what it knows into a slot of `size` bytes, at least `pkm_estimator_state_bytes`. A controller keeps two slots in
-// memory that stays and writes over the older one, as `pkm_estimator_newest` says: a cut at any byte leaves the newer.
-// `sequence` is one more than that of the last save. Nothing is written on an error.
+// Writes what it knows beyond `table`, with which it has learned, into a slot of `size` bytes, at least
+// `pkm_estimator_state_bytes`. A controller keeps two slots in memory that stays and writes over the older one, as
+// `pkm_estimator_newest` says: a cut at any byte leaves the newer. `sequence` is one more than that of the last save. Nothing is
+// written on an error.
 //
 // Errors: NOT_INITIALISED, WRONG_SIZE.
 PKM_MUST_USE
 PkmError pkm_estimator_save_f32(const PkmEstimator_f32 *estimator,
+                                const PkmTable_f32 *table,
                                 uint32_t sequence,
                                 uint8_t *slot,
                                 size_t size);
 
-// Goes on from what was saved in a slot of `size` bytes, the newest of two. On an error nothing has changed. What a library with
-// another machine or table has saved is refused: what was learned beyond one table another may have already. For that reason
-// begin anew where a table of `pkm_table_receive` comes into service, and save nothing beyond it.
+// Goes on from what was saved in a slot of `size` bytes, the newest of two, with `table` in service. On an error nothing has
+// changed. What was learned beyond another table, or on another machine, is refused: this table may have it already. For that
+// reason begin anew where a table of `pkm_table_receive` comes into service. After a start `pkm_table` is in service again, or
+// what was received first: restore with that.
 //
 // Errors: NOT_INITIALISED, WRONG_SIZE, STATE_NOT_WHOLE, OTHER_STATE.
 PKM_MUST_USE
 PkmError pkm_estimator_restore_f32(PkmEstimator_f32 *estimator,
+                                   const PkmTable_f32 *table,
                                    const uint8_t *slot,
                                    size_t size);
 
@@ -1895,14 +1903,16 @@ size_t pkm_table_buffer_align_f64(void);
 // Makes a table of `count` numbers in memory of the caller, of at least as many bytes, `size`, and of the alignment that the
 // functions above say, and gives its address, which is within that memory. The numbers, in double for float as well:
 // centre and half width of the box (theta, sigma in rad, z0 in m), three exponents a term, six rows of the diagonal
-// form of one coefficient a term and 21 of the factor form, as they stand in `coefficients.rs`. They are copied.
+// form of one coefficient a term and 21 of the factor form, as they stand in `coefficients.rs`. They are copied, so that
+// their memory, which is apart from the buffer, may go.
 //
-// To change tables while a machine runs take two buffers: fill the one that is not in use, in any thread, and let the
-// controller take the new address between two periods. A buffer in use is neither moved nor written. A compensator goes
-// to the new table at its rate limit; without one the command steps.
+// The table lasts until its buffer is written, moved or freed. To change tables while a machine runs take two buffers: fill
+// the one that is not in use, in any thread, and let the controller take the new address between two periods. The other
+// buffer may be filled when the first period with the new address has begun and no other thread uses the old one: nothing
+// in the library keeps it. A compensator goes to the new table at its rate limit; without one the command steps.
 //
 // Errors: WRONG_SIZE, OTHER_MACHINE, DAMAGED_TABLE (the numbers have another checksum, or the memory does not keep
-// them), NOT_A_TABLE, NO_FACTOR_FORM (the library needs it). What was in the buffer is gone then.
+// them), NOT_A_TABLE, NO_FACTOR_FORM (the library needs it). The table that was in the buffer must not be used any more then.
 PKM_MUST_USE
 PkmError pkm_table_receive_f64(PkmTableBuffer_f64 *buffer,
                                size_t size,
@@ -1937,14 +1947,16 @@ size_t pkm_table_buffer_align_f32(void);
 // Makes a table of `count` numbers in memory of the caller, of at least as many bytes, `size`, and of the alignment that the
 // functions above say, and gives its address, which is within that memory. The numbers, in double for float as well:
 // centre and half width of the box (theta, sigma in rad, z0 in m), three exponents a term, six rows of the diagonal
-// form of one coefficient a term and 21 of the factor form, as they stand in `coefficients.rs`. They are copied.
+// form of one coefficient a term and 21 of the factor form, as they stand in `coefficients.rs`. They are copied, so that
+// their memory, which is apart from the buffer, may go.
 //
-// To change tables while a machine runs take two buffers: fill the one that is not in use, in any thread, and let the
-// controller take the new address between two periods. A buffer in use is neither moved nor written. A compensator goes
-// to the new table at its rate limit; without one the command steps.
+// The table lasts until its buffer is written, moved or freed. To change tables while a machine runs take two buffers: fill
+// the one that is not in use, in any thread, and let the controller take the new address between two periods. The other
+// buffer may be filled when the first period with the new address has begun and no other thread uses the old one: nothing
+// in the library keeps it. A compensator goes to the new table at its rate limit; without one the command steps.
 //
 // Errors: WRONG_SIZE, OTHER_MACHINE, DAMAGED_TABLE (the numbers have another checksum, or the memory does not keep
-// them), NOT_A_TABLE, NO_FACTOR_FORM (the library needs it). What was in the buffer is gone then.
+// them), NOT_A_TABLE, NO_FACTOR_FORM (the library needs it). The table that was in the buffer must not be used any more then.
 PKM_MUST_USE
 PkmError pkm_table_receive_f32(PkmTableBuffer_f32 *buffer,
                                size_t size,

@@ -13,16 +13,16 @@ use crate::pointers::{answer, given, taken};
 use crate::{
     PkmCompensator, PkmConfiguration, PkmError, PkmEstimatorSettings, PkmEstimatorState, PkmKnownOffset, PkmLearned,
     PkmMachine, PkmNewest, PkmOffset, PkmPoint, PkmPose, PkmReading, PkmTable, PkmTableUncertainty, PkmTipReading,
-    PkmToolCompensator, PkmToolTouch, PkmTouch, PkmWrench, PkmWrist, pkm_machine_checksum, pkm_table_checksum,
+    PkmToolCompensator, PkmToolTouch, PkmTouch, PkmWrench, PkmWrist, pkm_machine_checksum,
 };
 
 /// Most amplitudes that an estimator learns.
 pub const PKM_AMPLITUDES: usize = 8;
 const _: () = assert!(PKM_AMPLITUDES == MAX_AMPLITUDES, "another number of amplitudes than the core's");
 
-/// What a saved state goes with: machine and table that are compiled in.
-fn model() -> u64 {
-    pkm_machine_checksum() ^ pkm_table_checksum()
+/// What a saved state goes with: the machine, and the table in service, of either arithmetic.
+fn model<T>(table: &PkmTable<T>) -> u64 {
+    pkm_machine_checksum() ^ table.checksum
 }
 
 /// An estimator of any number of amplitudes.
@@ -295,15 +295,17 @@ macro_rules! estimator {
             }
         }
 
-        /// Writes what it knows into a slot of `size` bytes, at least `pkm_estimator_state_bytes`. A controller keeps two slots in
-        /// memory that stays and writes over the older one, as `pkm_estimator_newest` says: a cut at any byte leaves the newer.
-        /// `sequence` is one more than that of the last save. Nothing is written on an error.
+        /// Writes what it knows beyond `table`, with which it has learned, into a slot of `size` bytes, at least
+        /// `pkm_estimator_state_bytes`. A controller keeps two slots in memory that stays and writes over the older one, as
+        /// `pkm_estimator_newest` says: a cut at any byte leaves the newer. `sequence` is one more than that of the last save. Nothing is
+        /// written on an error.
         ///
         /// Errors: NOT_INITIALISED, WRONG_SIZE.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $save(
             estimator: *const PkmEstimator<$t>,
+            table: *const PkmTable<$t>,
             sequence: u32,
             slot: *mut u8,
             size: usize,
@@ -311,32 +313,34 @@ macro_rules! estimator {
             // SAFETY: the caller's promise
             let saved = unsafe { given(estimator) }.and_then(PkmEstimator::running).and_then(|any| {
                 // SAFETY: the caller's promise
-                let slot = unsafe {
+                let (table, slot) = unsafe {
                     taken(slot)?;
-                    slice::from_raw_parts_mut(slot, size)
+                    (given(table)?, slice::from_raw_parts_mut(slot, size))
                 };
-                Ok(each!(any, estimator => estimator.save(model(), sequence, slot))?)
+                Ok(each!(any, estimator => estimator.save(model(table), sequence, slot))?)
             });
             saved.map_or_else(|error| error, |()| PkmError::Ok)
         }
 
-        /// Goes on from what was saved in a slot of `size` bytes, the newest of two. On an error nothing has changed. What a library with
-        /// another machine or table has saved is refused: what was learned beyond one table another may have already. For that reason
-        /// begin anew where a table of `pkm_table_receive` comes into service, and save nothing beyond it.
+        /// Goes on from what was saved in a slot of `size` bytes, the newest of two, with `table` in service. On an error nothing has
+        /// changed. What was learned beyond another table, or on another machine, is refused: this table may have it already. For that
+        /// reason begin anew where a table of `pkm_table_receive` comes into service. After a start `pkm_table` is in service again, or
+        /// what was received first: restore with that.
         ///
         /// Errors: NOT_INITIALISED, WRONG_SIZE, STATE_NOT_WHOLE, OTHER_STATE.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $restore(
             estimator: *mut PkmEstimator<$t>,
+            table: *const PkmTable<$t>,
             slot: *const u8,
             size: usize,
         ) -> PkmError {
             // SAFETY: the caller's promise
             let restored = unsafe { taken(estimator) }.and_then(PkmEstimator::running_mut).and_then(|any| {
                 // SAFETY: the caller's promise
-                let slot = unsafe { slice::from_raw_parts(given(slot)?, size) };
-                Ok(each!(any, estimator => estimator.restore(model(), slot))?)
+                let (table, slot) = unsafe { (given(table)?, slice::from_raw_parts(given(slot)?, size)) };
+                Ok(each!(any, estimator => estimator.restore(model(table), slot))?)
             });
             restored.map_or_else(|error| error, |()| PkmError::Ok)
         }

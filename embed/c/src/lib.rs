@@ -74,7 +74,8 @@ macro_rules! functions {
             }
         }
 
-        static $the_table: PkmTable<$t> = PkmTable { core: coefficients::$the_table };
+        static $the_table: PkmTable<$t> =
+            PkmTable { core: coefficients::$the_table, checksum: coefficients::TABLE_F64.checksum() };
         static $the_wrist: PkmWrist<$t> = PkmWrist(coefficients::$the_wrist);
 
         /// The compiled-in machine.

@@ -89,14 +89,16 @@ macro_rules! table {
         /// Makes a table of `count` numbers in memory of the caller, of at least as many bytes, `size`, and of the alignment that the
         /// functions above say, and gives its address, which is within that memory. The numbers, in double for float as well:
         /// centre and half width of the box (theta, sigma in rad, z0 in m), three exponents a term, six rows of the diagonal
-        /// form of one coefficient a term and 21 of the factor form, as they stand in `coefficients.rs`. They are copied.
+        /// form of one coefficient a term and 21 of the factor form, as they stand in `coefficients.rs`. They are copied, so that
+        /// their memory, which is apart from the buffer, may go.
         ///
-        /// To change tables while a machine runs take two buffers: fill the one that is not in use, in any thread, and let the
-        /// controller take the new address between two periods. A buffer in use is neither moved nor written. A compensator goes
-        /// to the new table at its rate limit; without one the command steps.
+        /// The table lasts until its buffer is written, moved or freed. To change tables while a machine runs take two buffers: fill
+        /// the one that is not in use, in any thread, and let the controller take the new address between two periods. The other
+        /// buffer may be filled when the first period with the new address has begun and no other thread uses the old one: nothing
+        /// in the library keeps it. A compensator goes to the new table at its rate limit; without one the command steps.
         ///
         /// Errors: WRONG_SIZE, OTHER_MACHINE, DAMAGED_TABLE (the numbers have another checksum, or the memory does not keep
-        /// them), NOT_A_TABLE, NO_FACTOR_FORM (the library needs it). What was in the buffer is gone then.
+        /// them), NOT_A_TABLE, NO_FACTOR_FORM (the library needs it). The table that was in the buffer must not be used any more then.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $receive(
@@ -116,8 +118,8 @@ macro_rules! table {
                     given(buffer.cast::<MaybeUninit<PkmTableBuffer<$t>>>())?;
                     let (header, _) = (given(header)?, given(numbers)?);
                     let terms = u8::try_from(header.terms).map_err(|_| PkmError::NotATable)?;
-                    let (machine, table) = (header.machine, header.table);
-                    let header = TableHeader { machine, table, terms, factor_form: header.factor_form != 0 };
+                    let (machine, checksum) = (header.machine, header.table);
+                    let header = TableHeader { machine, table: checksum, terms, factor_form: header.factor_form != 0 };
                     if count != header.numbers() {
                         return Err(PkmError::NotATable);
                     }
@@ -133,7 +135,7 @@ macro_rules! table {
                     // for as long as the caller leaves the buffer alone
                     let room: &'static TableBuffer<$t, PKM_TABLE_TERMS> = &*room;
                     let whole = room.table().ok_or(PkmError::NotATable)?;
-                    (&raw mut (*buffer).table).cast::<PkmTable<$t>>().write(PkmTable { core: whole });
+                    (&raw mut (*buffer).table).cast::<PkmTable<$t>>().write(PkmTable { core: whole, checksum });
                     Ok((&raw const (*buffer).table).cast::<PkmTable<$t>>())
                 })
             }

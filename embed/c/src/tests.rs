@@ -396,3 +396,61 @@ tables! {
     tables_come_in_f32, f32, pkm_table_buffer_size_f32, pkm_table_buffer_align_f32, pkm_table_receive_f32,
     pkm_table_watch_begin_f32, pkm_table_watch_f32, pkm_machine_f32, pkm_table_f32, pkm_cycle_f32
 }
+
+macro_rules! states {
+    ($test:ident, $t:ty, $size:ident, $init:ident, $save:ident, $restore:ident, $buffer_size:ident, $receive:ident, $table:ident) => {
+        /// What was learned beyond a table that was received goes with it, and not with that of the next start, which may have it.
+        #[test]
+        fn $test() {
+            let mut numbers: Vec<f64> = coefficients::TABLE_F64.numbers().collect();
+            let terms = usize::from(coefficients::TABLE_F64.header(0).terms);
+            let last = numbers.len() - 1;
+            numbers[last] = numbers[last].next_up();
+            let sum = numbers.iter().enumerate().fold(START, |sum, (place, number)| {
+                let is_exponent = (6..6 + 3 * terms).contains(&place);
+                if is_exponent { over_byte(sum, *number as u8) } else { over_numbers(sum, &[*number]) }
+            });
+            let header =
+                PkmTableHeader { machine: pkm_machine_checksum(), table: sum, terms: terms as u32, factor_form: 1 };
+            let amplitude = PkmAmplitudeSettings {
+                amplitude: PkmAmplitude::Limb1 as i32,
+                accepted: 0.0,
+                deviation: 1e-9,
+                drift_per_day: 1e-11,
+                least: -4e-9,
+                most: 4e-8,
+                rate_per_s: 1e-11,
+                alarm: 2e-10,
+            };
+            let settings =
+                PkmEstimatorSettings { amplitudes: [amplitude; PKM_AMPLITUDES], count: 1, model_share: 0.02 };
+            let mut room = vec![PATTERN; $buffer_size().div_ceil(8)];
+            let (mut memory, mut slot) = (vec![PATTERN; $size().div_ceil(8)], [0_u8; 128]);
+            let estimator = memory.as_mut_ptr().cast();
+            let mut received = std::ptr::null();
+            // SAFETY: pointers to what the functions ask for
+            unsafe {
+                let (numbers, count, buffer) = (numbers.as_ptr(), numbers.len(), room.as_mut_ptr().cast());
+                assert_eq!($receive(buffer, $buffer_size(), &header, numbers, count, &mut received), PkmError::Ok);
+                let begin = || $init(estimator, $size(), &settings, size_of_val(&settings));
+                assert_eq!(begin(), PkmError::Ok);
+                for (beyond, other) in [(received, $table()), ($table(), received)] {
+                    assert_eq!($save(estimator, beyond, 1, slot.as_mut_ptr(), slot.len()), PkmError::Ok);
+                    assert_eq!(begin(), PkmError::Ok);
+                    let restore = |table| $restore(estimator, table, slot.as_ptr(), slot.len());
+                    assert_eq!(restore(other), PkmError::OtherState);
+                    assert_eq!(restore(beyond), PkmError::Ok);
+                }
+            }
+        }
+    };
+}
+
+states! {
+    a_state_goes_with_its_table_in_f64, f64, pkm_estimator_size_f64, pkm_estimator_init_f64, pkm_estimator_save_f64, pkm_estimator_restore_f64,
+    pkm_table_buffer_size_f64, pkm_table_receive_f64, pkm_table_f64
+}
+states! {
+    a_state_goes_with_its_table_in_f32, f32, pkm_estimator_size_f32, pkm_estimator_init_f32, pkm_estimator_save_f32, pkm_estimator_restore_f32,
+    pkm_table_buffer_size_f32, pkm_table_receive_f32, pkm_table_f32
+}

@@ -21,6 +21,8 @@ pub struct PkmMachine<T> {
 /// A correction table.
 pub struct PkmTable<T: 'static> {
     pub(crate) core: CorrectionTable<'static, T>,
+    /// Its checksum in `f64`, whatever its numbers are kept in.
+    pub(crate) checksum: u64,
 }
 
 /// A wrist: the two rotary joints between moving platform and tool.

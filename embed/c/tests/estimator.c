@@ -71,6 +71,7 @@ static int misuse(void) {
     PkmNewest newest;
     uint32_t amplitude = 9;
     PkmEstimator_f64 *e = (PkmEstimator_f64 *)(void *)room;
+    const PkmTable_f64 *t = pkm_table_f64();
     const size_t size = pkm_estimator_size_f64(), bytes = pkm_estimator_state_bytes(COUNT);
     CHECK(size <= sizeof room && pkm_estimator_size_f32() < size && 8 % pkm_estimator_align_f64() == 0);
     CHECK(pkm_estimator_state_f64(e, &known, sizeof known) == PKM_ERROR_NOT_INITIALISED);
@@ -98,27 +99,29 @@ static int misuse(void) {
         set.amplitudes[6].amplitude = PKM_AMPLITUDE_TOOL_U;
         set.amplitudes[7].amplitude = PKM_AMPLITUDE_BASE_RX;
         CHECK(pkm_estimator_init_f64(e, size, &set, sizeof set) == PKM_ERROR_OK);
-        CHECK(pkm_estimator_save_f64(e, 1, slots[0], pkm_estimator_state_bytes(set.count) - 1) == PKM_ERROR_WRONG_SIZE);
-        CHECK(pkm_estimator_save_f64(e, 1, slots[0], pkm_estimator_state_bytes(set.count)) == PKM_ERROR_OK);
+        CHECK(pkm_estimator_save_f64(e, t, 1, slots[0], pkm_estimator_state_bytes(set.count) - 1) == PKM_ERROR_WRONG_SIZE);
+        CHECK(pkm_estimator_save_f64(e, t, 1, slots[0], pkm_estimator_state_bytes(set.count)) == PKM_ERROR_OK);
     }
     set = settings();
     CHECK(pkm_estimator_init_f64(e, size, &set, sizeof set) == PKM_ERROR_OK);
     CHECK(pkm_estimator_state_f64(e, &known, sizeof known - 8) == PKM_ERROR_WRONG_SIZE);
     CHECK(pkm_estimator_follow_f64(e, NAN) == PKM_ERROR_NOT_FINITE);
     /* of eight amplitudes */
-    CHECK(pkm_estimator_restore_f64(e, slots[0], sizeof slots[0]) == PKM_ERROR_STATE_NOT_WHOLE);
+    CHECK(pkm_estimator_restore_f64(e, t, slots[0], sizeof slots[0]) == PKM_ERROR_STATE_NOT_WHOLE);
     memset(slots, 0xff, sizeof slots);
     CHECK(pkm_estimator_newest(COUNT, slots[0], slots[1], bytes, &newest) == PKM_ERROR_STATE_NOT_WHOLE);
     CHECK(pkm_estimator_newest(COUNT, slots[0], slots[1], bytes - 1, &newest) == PKM_ERROR_WRONG_SIZE);
-    CHECK(pkm_estimator_restore_f64(e, slots[0], bytes - 1) == PKM_ERROR_WRONG_SIZE);
+    CHECK(pkm_estimator_restore_f64(e, t, slots[0], bytes - 1) == PKM_ERROR_WRONG_SIZE);
     CHECK(pkm_estimator_newest(COUNT, slots[0], NULL, bytes, &newest) == PKM_ERROR_NULL_POINTER);
-    CHECK(pkm_estimator_save_f64(e, 1, NULL, bytes) == PKM_ERROR_NULL_POINTER);
-    CHECK(pkm_estimator_restore_f64(e, NULL, bytes) == PKM_ERROR_NULL_POINTER);
+    CHECK(pkm_estimator_save_f64(e, t, 1, NULL, bytes) == PKM_ERROR_NULL_POINTER);
+    CHECK(pkm_estimator_restore_f64(e, t, NULL, bytes) == PKM_ERROR_NULL_POINTER);
+    CHECK(pkm_estimator_save_f64(e, NULL, 1, slots[0], bytes) == PKM_ERROR_NULL_POINTER);
+    CHECK(pkm_estimator_restore_f64(e, NULL, slots[0], bytes) == PKM_ERROR_NULL_POINTER);
     /* of other amplitudes */
-    CHECK(pkm_estimator_save_f64(e, 1, slots[0], bytes) == PKM_ERROR_OK);
+    CHECK(pkm_estimator_save_f64(e, t, 1, slots[0], bytes) == PKM_ERROR_OK);
     set.amplitudes[0].amplitude = PKM_AMPLITUDE_TOOL_U;
     CHECK(pkm_estimator_init_f64(e, size, &set, sizeof set) == PKM_ERROR_OK);
-    CHECK(pkm_estimator_restore_f64(e, slots[0], bytes) == PKM_ERROR_OTHER_STATE);
+    CHECK(pkm_estimator_restore_f64(e, t, slots[0], bytes) == PKM_ERROR_OTHER_STATE);
     memset(slots, 0xff, sizeof slots);
     return 0;
 }
@@ -188,14 +191,14 @@ static int misuse(void) {
                     to = 1 - newest.slot;                                                                              \
                 }                                                                                                      \
                 sequence++;                                                                                            \
-                CHECK(pkm_estimator_save_##S(e, sequence, slots[to], sizeof slots[to]) == PKM_ERROR_OK);               \
+                CHECK(pkm_estimator_save_##S(e, table, sequence, slots[to], sizeof slots[to]) == PKM_ERROR_OK);        \
                 if (n % 14 == 13) {                                                                                    \
                     memset(slots[to] + (size_t)n, 0xff, bytes - (size_t)n);                                            \
-                    CHECK(pkm_estimator_restore_##S(e, slots[to], bytes) == PKM_ERROR_STATE_NOT_WHOLE);                \
+                    CHECK(pkm_estimator_restore_##S(e, table, slots[to], bytes) == PKM_ERROR_STATE_NOT_WHOLE);         \
                     CHECK(pkm_estimator_newest(COUNT, slots[0], slots[1], bytes, &newest) == PKM_ERROR_OK);            \
                     sequence--;                                                                                        \
                     CHECK(newest.slot == 1 - to && newest.sequence == sequence);                                       \
-                    CHECK(pkm_estimator_restore_##S(e, slots[newest.slot], bytes) == PKM_ERROR_OK);                    \
+                    CHECK(pkm_estimator_restore_##S(e, table, slots[newest.slot], bytes) == PKM_ERROR_OK);             \
                 }                                                                                                      \
             }                                                                                                          \
             CHECK(pkm_estimator_state_##S(e, &known, sizeof known) == PKM_ERROR_OK);                                   \

@@ -274,7 +274,7 @@ static PkmError restore(void) {
     PkmNewest newest;
     read_slots(bytes);
     PkmError found = pkm_estimator_newest(LEARNED_COUNT, slots[0], slots[1], bytes, &newest);
-    if (found == PKM_ERROR_OK) found = pkm_estimator_restore_f64(estimator, slots[newest.slot], bytes);
+    if (found == PKM_ERROR_OK) found = pkm_estimator_restore_f64(estimator, pkm_table_f64(), slots[newest.slot], bytes);
     return found;
 }
 
@@ -284,7 +284,7 @@ static int save(void) {
     PkmNewest newest = {1, 0};
     if (pkm_estimator_newest(LEARNED_COUNT, slots[0], slots[1], bytes, &newest) != PKM_ERROR_OK) newest.slot = 1;
     const uint32_t to = 1 - newest.slot;
-    if (pkm_estimator_save_f64(estimator, newest.sequence + 1, slots[to], bytes) != PKM_ERROR_OK) return 0;
+    if (pkm_estimator_save_f64(estimator, pkm_table_f64(), newest.sequence + 1, slots[to], bytes) != PKM_ERROR_OK) return 0;
     if (restored == PKM_ERROR_OTHER_STATE) {
         char old[4096];
         const int length = snprintf(old, sizeof old, "%s.old", state);
