@@ -7,12 +7,6 @@ use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 use crate::observations::Observations;
 use crate::rules::Rules;
 
-/// Numbers that a drift has to leave beside what is fitted to a series, for the series to count.
-const MIN_DOF_OF_SERIES: usize = 1;
-/// Least share of the variance of the places in a series that its loads may leave: where loads go with the order of the readings,
-/// a drift looks like a load.
-const MIN_PLACES_LEFT: f64 = 0.1;
-
 /// Zeros of a channel that drift.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Drift {
@@ -66,7 +60,7 @@ fn take_out(v: &mut [f64], direction: &[f64]) {
 impl Slope {
     /// Of the differences of a series. With another series' zero these have a constant of their own; a deflection that has become
     /// larger in proportion, such as by warmth, is no drift.
-    fn new(differences: &[Difference], has_zero: bool, length: f64) -> Option<Self> {
+    fn new(differences: &[Difference], has_zero: bool, length: f64, rules: &Rules) -> Option<Self> {
         let column = |of: fn(&Difference) -> f64| differences.iter().map(of).collect::<Vec<f64>>();
         let (mut places, mut values) = (column(|d| d.places), column(|d| d.value));
         let mut means = column(|d| d.mean);
@@ -79,7 +73,8 @@ impl Slope {
         take_out(&mut values, &means);
         let left = inner(&places, &places);
         let fitted = 2 + usize::from(has_zero);
-        if differences.len() < fitted + MIN_DOF_OF_SERIES || left < MIN_PLACES_LEFT * before || left <= 0.0 {
+        let are_enough = differences.len() >= fitted + rules.min_dof_of_drift;
+        if !are_enough || left < rules.min_places_left * before || left <= 0.0 {
             return None;
         }
         let inner_of = inner(&places, &values);
@@ -129,7 +124,7 @@ pub fn drifts(observations: &Observations, rules: &Rules) -> Vec<Drift> {
             }
         }
         let of = |((series, has_zero), differences): (&(usize, bool), &Vec<Difference>)| {
-            Slope::new(differences, *has_zero, length_of[series] as f64 - 1.0)
+            Slope::new(differences, *has_zero, length_of[series] as f64 - 1.0, rules)
         };
         let slopes: Vec<Slope> = differences.iter().filter_map(of).collect();
         drift(channel, &slopes, channels, rules)

@@ -111,6 +111,11 @@ pub struct Rules {
     pub min_order_share: f64,
     /// Least drift of the zero over a series that is told, in standard deviations of a reading.
     pub min_drift_sd: f64,
+    /// Least degrees of freedom that a drift leaves in a series, beside what is fitted to it, for the series to count.
+    pub min_dof_of_drift: usize,
+    /// Least share of the variance of the places in a series that its loads may leave: where loads go with the order of the readings,
+    /// a drift looks like a load.
+    pub min_places_left: f64,
     /// Least residual of an outlier, in robust standard deviations of its channel: one in 10¹⁵ by noise.
     pub outlier_sd: f64,
     /// Residual of a repeat, as a share of `outlier_sd`, from which on the model or the load is wrong and not one reading.
@@ -221,6 +226,8 @@ impl Rules {
         max_order_p: 1e-4,
         min_order_share: 0.9,
         min_drift_sd: 2.0,
+        min_dof_of_drift: 1,
+        min_places_left: 0.1,
         outlier_sd: 8.0,
         outlier_repeat_share: 0.5,
         max_outlier_share: 0.01,
