@@ -29,9 +29,9 @@ pub fn is_little_known(noise: &Noise, rules: &Rules) -> bool {
 pub fn of_noise(noise: &Noise, rules: &Rules) -> Option<Warning> {
     let least = rules.min_dof_of_verdict;
     is_little_known(noise, rules).then(|| Warning::new(WarningKind::FewDegreesOfFreedom, format!(
-            "the noise is known from {:.0} degrees of freedom only, so that nothing counts as explained: repeat at least {:.0} more \
-             numbers (same pose, load and direction; twenty are good), or declare it in the columns sigma_linear_um and \
-             sigma_angular_urad",
+            "the noise is known from {:.0} degrees of freedom only, all channels together, so that nothing counts as explained: repeat at \
+             least {:.0} more numbers (a row has one in each channel; same pose, load and direction; twenty are good), or declare it in \
+             the columns sigma_linear_um and sigma_angular_urad",
             noise.dof,
             (least - noise.dof).ceil()
         )))

@@ -46,7 +46,7 @@ fn few(readings: &Readings, groups: &[Vec<usize>], rules: &Rules) -> Option<Data
     let lines: Vec<u64> = single.iter().take(least - freedom).map(|n| readings.readings[*n].line).collect();
     let which = if lines.is_empty() { String::new() } else { format!(", such as those of {}", lines_text(&lines)) };
     let message = format!(
-        "{freedom} degrees of freedom to take the noise from, fewer than {least}: read {} more under the same pose, load and \
+        "{freedom} repeated rows to take the noise of a channel from, fewer than {least}: read {} more under the same pose, load and \
          direction{which}, or add the columns sigma_linear_um and sigma_angular_urad",
         least - freedom
     );

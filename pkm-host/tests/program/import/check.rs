@@ -155,7 +155,7 @@ const DOUBTFUL: &[Case] = &[
     ("forces in pounds", |t| t.map(&LOADS[..3], |c| scaled(c, 1.0 / 4.448_221_615)), "readings_taken_otherwise", 0, "", "with forces in lbf, or with forces in lbf and moments in lbf·ft (", 1),
     ("loads that never turn", one_sign, "loads_of_one_sign", 0, "", "load reversed", 1),
     ("loads that scatter", |t| t.with(4, "load_random", "0.3"), "loads_that_scatter", 0, "load_random", "scatter by 30 % (median)|clocks", 1),
-    ("no repeats", without_repeats, "few_repeats", 0, "", "0 degrees of freedom|read 10 more|such as those of lines", 1),
+    ("no repeats", without_repeats, "few_repeats", 0, "", "0 repeated rows to take the noise of a channel from|read 10 more|such as those of lines", 1),
     ("a series at several poses", |t| t.map(&["series"], |_| "1".into()), "series_at_several_poses", 0, "", "number the series through", 1),
     ("a pose with another place", |t| row(t, 0, &["theta_deg"], |c| scaled(c, 1.01)), "pose_name_at_several_positions", 0, "", "mistyped", 2),
     ("translations in mm", |t| t.map(&TRANSLATIONS, |c| scaled(c, 1e-3)), "cannot_be_diagnosed", 0, "", "`diagnose` refuses these readings: the translations read are 1e-3 times what the declared machine gives: are they in µm", 1),
