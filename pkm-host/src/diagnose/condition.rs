@@ -42,7 +42,7 @@ pub fn condition(d: &Diagnosis) -> Markup {
         ]
     };
     let rows: Vec<_> = estimates.condition.iter().map(|q| (q.what.clone(), cells(q))).collect();
-    let heads = ["declared", "identified", "unit", "change %", "± %", "state"];
+    let heads = ["declared", "identified", "unit", "change %", "± %, 95 %", "state"];
     let known = match estimates.coverage.degrees_of_freedom {
         Some(dof) => format!("k = {:.2}, from {dof:.0} degrees of freedom of the noise", estimates.coverage.k),
         None => format!("k = {:.2}, with the noise as declared", estimates.coverage.k),

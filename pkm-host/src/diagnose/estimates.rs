@@ -279,8 +279,9 @@ impl Estimates {
             Some(format!("limb {limb} ({change:+.1} ± {uncertainty:.1} %; as declared ± {alone:.1} %)"))
         };
         let all: Vec<String> = (1..=AXIAL.len()).filter_map(shown).collect();
-        (!all.is_empty())
-            .then(|| format!("Not determined by these readings, stiffness along the axis of {}.", all.join(", ")))
+        (!all.is_empty()).then(|| {
+            format!("Not determined by these readings, stiffness along the axis of {}; ± covers 95 %.", all.join(", "))
+        })
     }
 
     /// That no limb differs, of those that the readings tell; none where they tell of none.
@@ -353,7 +354,7 @@ mod tests {
         let states: Vec<&str> = some.condition.iter().map(|q| q.state.as_str()).collect();
         assert_eq!(states, ["as_declared", "not_determined", "as_declared"]);
         let said = some.not_determined().unwrap();
-        assert!(said.ends_with("axis of limb 2 (-3.0 ± 11.4 %; as declared ± 12.0 %)."), "{said}");
+        assert!(said.ends_with("axis of limb 2 (-3.0 ± 11.4 %; as declared ± 12.0 %); ± covers 95 %."), "{said}");
         assert!(some.none_differs().unwrap().starts_with("Limbs 1 and 3, of which alone the readings tell, do not"));
         let none = limbs([[0.0, 0.05]; 3]);
         assert_eq!(none.none_differs(), None);

@@ -135,7 +135,10 @@ fn of_effect(e: &Effect) -> String {
     let place = format!("at {}{among} ({}, law: {}, probability {p})", e.place, e.motion, e.law);
     let parameters: Vec<String> = e.parameters.iter().map(|(n, v, s)| text::amplitude(n, *v, Some(*s))).collect();
     // a finding without a formula has none
-    let parameters = if parameters.is_empty() { String::new() } else { format!("; {}", parameters.join(", ")) };
+    let parameters = match parameters.as_slice() {
+        [] => String::new(),
+        all => format!("; {} (± one standard error)", all.join(", ")),
+    };
     format!("{}: {what} {place}{parameters}{}. Look at {}.", e.id, alike(&e.class), e.inspect())
 }
 
