@@ -5,6 +5,7 @@ mod check;
 mod refused;
 pub mod table;
 
+use pkm_host::files::import::COLUMNS;
 use pkm_tests::seeded;
 use rayon::prelude::*;
 
@@ -361,4 +362,13 @@ fn damaged_files_are_read_or_refused() {
         }
     }
     assert!(read > 20, "{read}");
+}
+
+/// The fuzzer guesses no name of a column.
+#[test]
+fn the_fuzzer_knows_every_column() {
+    let dictionary = std::fs::read_to_string(fixture("../checks/fuzz/dictionaries/data_file.dict")).unwrap();
+    for name in COLUMNS.iter().map(|c| c.name) {
+        assert!(dictionary.lines().any(|word| word == format!("\"{name}\"")), "{name}");
+    }
 }
