@@ -6,14 +6,14 @@ use serde_json::json;
 
 use super::arguments::{ColumnsArgs, list, within};
 use super::bar::bar;
-use super::session::{Output, Session};
+use super::session::{Output, Session, counted};
 use crate::diagnose::badges::{Badge, Grade};
 use crate::diagnose::campaign::{self, Means, Stated};
 use crate::diagnose::{self, Method, Rules, design::Proposal, quality};
 use crate::error::{Failure, Result};
 use crate::files::dataset::{self, DEFLECTION_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS};
 use crate::files::machine::MachineFile;
-use crate::files::readings::Readings;
+use crate::files::readings::{CHANNELS, KINDS, Readings};
 use crate::files::source;
 use crate::plan::poses::{self, PlanKind};
 use crate::pose::PoseBox;
@@ -106,7 +106,7 @@ fn check_options(args: &Args, kind: PlanKind) -> Result<()> {
 }
 
 pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
-    let Args { kind, pose_box, data, out, .. } = args;
+    let Args { kind, pose_box, .. } = args;
     let pose_box = pose_box.map(|b| PoseBox::from([[b[0], b[1]], [b[2], b[3]], [b[4], b[5]]]));
     let ranges = pose_box.iter().flat_map(|b| ["θ", "σ", "Z0"].into_iter().zip(b.ranges()));
     if let Some((name, [low, high])) = ranges.into_iter().find(|(_, [low, high])| low >= high) {
@@ -116,32 +116,37 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     check_options(args, kind)?;
     let mut machine = session.machine()?;
     machine.pose_box = pose_box.unwrap_or(machine.pose_box);
-    if kind == PlanKind::Campaign {
-        return run_campaign(args, &machine, session);
+    match kind {
+        PlanKind::Campaign => return run_campaign(args, &machine, session),
+        PlanKind::Discriminate => return run_discriminate(args, &machine, session),
+        _ => {}
     }
-    let mut header = POSE_COLUMNS.map(str::to_owned).to_vec();
-    let (mut separates, mut measurement) = (Vec::new(), None);
-    let rows: Vec<Vec<String>> = if kind == PlanKind::Discriminate {
-        // with cells to write the readings in
-        header.extend(WRENCH_COLUMNS.into_iter().chain(DEFLECTION_COLUMNS).map(str::to_owned));
-        let (badge, proposals) = proposals(args, &machine, session)?;
-        measurement = Some(badge);
-        separates = proposals.iter().map(|p| p.separates.clone()).collect();
-        let rows = proposals.iter().enumerate().map(proposal_row).collect();
-        with_repeats(args, &mut header, rows)
-    } else {
-        let poses = poses::plan(kind, &machine)?;
-        poses.iter().map(|p| [p.id.clone()].into_iter().chain(dataset::pose_cells(&p.pose)).collect()).collect()
-    };
-    let count = if separates.is_empty() { rows.len() } else { separates.len() };
-    source::write(out, dataset::to_csv(b',', &header, rows), &[session.machine_path(), data.as_deref()])?;
-    let mut text = measurement.as_ref().map_or(String::new(), check_first);
-    text.push_str(&format!("wrote {count} poses to {}\n", out.display()));
-    for (n, [a, b]) in separates.iter().enumerate() {
-        text.push_str(&format!("  N{:02} tells {a} from {b}\n", n + 1));
+    let header = POSE_COLUMNS.map(str::to_owned);
+    let rows: Vec<Vec<String>> = (poses::plan(kind, &machine)?.iter())
+        .map(|p| [p.id.clone()].into_iter().chain(dataset::pose_cells(&p.pose)).collect())
+        .collect();
+    let (count, out) = (rows.len(), args.out.display().to_string());
+    source::write(&args.out, dataset::to_csv(b',', &header, rows), &[session.machine_path()])?;
+    let text = format!("wrote {count} poses to {out}\n");
+    let document = json!({ "poses": count, "readings": null, "separates": [], "measurement": null, "out": out });
+    session.output(text, &document)
+}
+
+fn run_discriminate(args: &Args, machine: &MachineFile, session: &mut Session) -> Result<Output> {
+    let Proposed { measurement, poses, sigma_micro } = proposals(args, machine, session)?;
+    let (header, rows) = sheet(args, &poses, sigma_micro);
+    let (readings, out) = (rows.len(), args.out.display().to_string());
+    source::write(&args.out, dataset::to_csv(b',', &header, rows), &[session.machine_path(), args.data.as_deref()])?;
+    let mut text = check_first(&measurement);
+    text.push_str(&format!("wrote {} at {} to {out}\n", counted(readings, "reading"), counted(poses.len(), "pose")));
+    for (n, loads) in poses.iter().enumerate() {
+        let mut pairs: Vec<&[String; 2]> = loads.iter().map(|p| &p.separates).collect();
+        pairs.dedup();
+        pairs.iter().for_each(|[a, b]| text.push_str(&format!("  {} tells {a} from {b}\n", pose_name(n))));
     }
-    let document =
-        json!({ "poses": count, "separates": separates, "measurement": measurement, "out": out.display().to_string() });
+    let separates: Vec<&[String; 2]> = poses.iter().flatten().map(|p| &p.separates).collect();
+    let document = json!({ "poses": poses.len(), "readings": readings, "separates": separates, "measurement": measurement,
+        "out": out });
     session.output(text, &document)
 }
 
@@ -154,24 +159,36 @@ fn check_first(measurement: &Badge) -> String {
     format!("The measurement is {}, and what follows stands on it. Check first:\n{reasons}", measurement.verdict)
 }
 
-/// Each row in all repeats of all series, where these were asked for.
-fn with_repeats(args: &Args, header: &mut Vec<String>, rows: Vec<Vec<String>>) -> Vec<Vec<String>> {
-    if args.series.is_none() && args.repeats.is_none() {
-        return rows;
-    }
-    header.extend(["series", "repeat"].map(str::to_owned));
+/// What a pose is called in the file.
+fn pose_name(n: usize) -> String {
+    format!("N{:02}", n + 1)
+}
+
+/// The file to write the readings in: at every pose each series goes through all of its loads.
+fn sheet(args: &Args, poses: &[Vec<Proposal>], sigma_micro: [Option<f64>; 2]) -> (Vec<String>, Vec<Vec<String>>) {
+    let sigma = ["sigma_linear_um", "sigma_angular_urad"].into_iter().zip(sigma_micro);
+    let sigma: Vec<(&str, String)> = sigma.filter_map(|(name, s)| Some((name, s?.to_string()))).collect();
+    let columns = POSE_COLUMNS.into_iter().chain(WRENCH_COLUMNS).chain(DEFLECTION_COLUMNS);
+    let columns = columns.chain(["series", "repeat", "direction"]).chain(sigma.iter().map(|(name, _)| *name));
+    let header = columns.map(str::to_owned).collect();
     let (series, repeats) = (args.series.unwrap_or(1), args.repeats.unwrap_or(1));
-    let mut all = Vec::new();
-    for (n, row) in rows.iter().enumerate() {
+    let mut rows: Vec<Vec<String>> = Vec::new();
+    for (n, loads) in poses.iter().enumerate() {
         for s in 0..series {
-            // every pose has series of its own
-            let number = n * usize::from(series) + usize::from(s) + 1;
-            for r in 0..repeats {
-                all.push([row.clone(), vec![number.to_string(), (s * repeats + r + 1).to_string()]].concat());
+            for (load, r) in loads.iter().flat_map(|load| (0..repeats).map(move |r| (load, r))) {
+                let mut row = vec![pose_name(n)];
+                row.extend(dataset::pose_cells(&load.pose));
+                row.extend(<[f64; 6]>::from(load.wrench.to_vector()).map(|v| v.to_string()));
+                row.extend(DEFLECTION_COLUMNS.map(|_| String::new()));
+                // no series of the data that it may be put behind has such a name
+                row.push(format!("{}-{}", pose_name(n), s + 1));
+                row.extend([(s * repeats + r + 1).to_string(), "load".to_owned()]);
+                row.extend(sigma.iter().map(|(_, value)| value.clone()));
+                rows.push(row);
             }
         }
     }
-    all
+    (header, rows)
 }
 
 fn run_campaign(args: &Args, machine: &MachineFile, session: &mut Session) -> Result<Output> {
@@ -209,7 +226,15 @@ fn run_campaign(args: &Args, machine: &MachineFile, session: &mut Session) -> Re
 }
 
 /// What a diagnosis of the readings would measure next, and what it says of them.
-fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Result<(Badge, Vec<Proposal>)> {
+struct Proposed {
+    measurement: Badge,
+    /// The loads of each pose, at least one.
+    poses: Vec<Vec<Proposal>>,
+    /// One standard deviation of a reading of translation and of rotation, as the readings scatter; none where none was read.
+    sigma_micro: [Option<f64>; 2],
+}
+
+fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Result<Proposed> {
     let source = session.read_or_fixture(args.data.as_deref(), pkm_fixtures::MEASURED, "--data", machine)?;
     let (sheet, readings) = Readings::read_conditions(source, machine, &args.columns.renames())?;
     readings.require_deflections(&sheet)?;
@@ -225,11 +250,19 @@ fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Resul
         let message = format!("these readings leave no two rivals to tell apart{why}");
         return Err(Failure::other(message).in_file(readings.source.name));
     }
-    Ok((measurement, diagnosis.proposals))
-}
-
-fn proposal_row((n, p): (usize, &Proposal)) -> Vec<String> {
-    let load = <[f64; 6]>::from(p.wrench.to_vector()).map(|v| v.to_string());
-    let load = load.into_iter().chain(DEFLECTION_COLUMNS.map(|_| String::new()));
-    [format!("N{:02}", n + 1)].into_iter().chain(dataset::pose_cells(&p.pose)).chain(load).collect()
+    let used = readings.channels();
+    let sigma_micro = [0, 1].map(|kind| {
+        let variances = (0..CHANNELS).filter(|c| used[*c] && KINDS[*c] == kind).map(|c| diagnosis.noise.variance(c));
+        let (count, sum) = variances.fold((0.0, 0.0), |(count, sum), v| (count + 1.0, sum + v));
+        // to a thousandth of a micrometre, which no instrument resolves
+        (count > 0.0).then(|| (1e9 * f64::sqrt(sum / count)).round().max(1.0) / 1e3)
+    });
+    let mut poses: Vec<Vec<Proposal>> = Vec::new();
+    for proposal in diagnosis.proposals {
+        match poses.iter_mut().find(|loads| loads[0].pose == proposal.pose) {
+            Some(loads) => loads.push(proposal),
+            None => poses.push(vec![proposal]),
+        }
+    }
+    Ok(Proposed { measurement, poses, sigma_micro })
 }

@@ -309,7 +309,7 @@ fn two_runs_give_the_same_bytes_and_the_plan_stays_within_travel() {
     let (machine, data) = (measured("p05", "machine.toml"), measured("p05", "measured.csv"));
     let plan = a.path("plan.csv");
     let laid = json(&["plan", "--kind", "discriminate", "--machine", &machine, "--data", &data, "--out", &plan]);
-    assert!(laid["poses"].as_u64().unwrap() >= 4);
+    assert!(laid["readings"].as_u64().unwrap() >= 4);
     // the reader refuses what is out of travel
     json(&["predict", "--data", &plan, "--out", &a.path("p.csv")]);
 }
@@ -437,6 +437,34 @@ fn a_plan_says_what_is_doubtful_of_the_readings_that_it_stands_on() {
     }
     assert_eq!(planned["measurement"], found["measurement"]);
     assert_eq!(planned["measurement"]["verdict"], "unsound");
+}
+
+/// It has the columns of data, with the noise of the readings that it stands on, and says how many readings it has.
+#[test]
+fn a_plan_that_tells_rivals_apart_is_a_sheet_to_fill_in() {
+    let folder = Folder::new();
+    let set = "own-limb-1-axial-easy";
+    let (machine, data, plan) = (measured(set, "machine.toml"), measured(set, "measured.csv"), folder.path("p.csv"));
+    let call = ["plan", "--kind", "discriminate", "--machine", &machine, "--data", &data, "--out", &plan];
+    let planned = json(&call);
+    let text = folder.read("p.csv");
+    let rows: Vec<Vec<&str>> = text.lines().skip(1).map(|l| l.split(',').collect()).collect();
+    let distinct = |column: usize| rows.iter().map(|row| row[column]).collect::<std::collections::HashSet<_>>().len();
+    assert_eq!((planned["readings"].as_u64(), planned["poses"].as_u64()), (Some(8), Some(4)));
+    assert_eq!((rows.len(), distinct(0), distinct(16), planned["separates"].as_array().unwrap().len()), (8, 4, 4, 8));
+    let printed = String::from_utf8(run(&call).stdout).unwrap();
+    assert!(printed.starts_with("wrote 8 readings at 4 poses to "), "{printed}");
+
+    let of_data = json(&["diagnose", "--machine", &machine, "--data", &data, "--out", &folder.path("first")]);
+    let mean = |kind: std::ops::Range<usize>| {
+        let of = |key: &str, c: usize| of_data["noise"][key][c].as_f64().unwrap().powi(2);
+        let variance = |c| of("reading_um_urad", c) + of("series_um_urad", c);
+        (kind.map(variance).sum::<f64>() / 3.0).sqrt()
+    };
+    for (column, expected) in [(19, mean(0..3)), (20, mean(3..6))] {
+        let planned: f64 = rows[0][column].parse().unwrap();
+        assert!((planned - expected).abs() < 1e-3, "{planned} {expected}");
+    }
 }
 
 /// What is wrong with the readings comes before what is proposed, also where it is no warning.
