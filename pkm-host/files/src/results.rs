@@ -117,7 +117,8 @@ fn check_machine(source: &Source, file: &MachineFile, name: &str, sums: &[&str])
     }
     let own = &file.source.name;
     let message = format!(
-        "is of machine `{}` from another machine file than {own}: give the one that it was made from with --machine",
+        "is of machine `{}` from another machine file than {own}: give the one that it was made from with --machine. A \
+         comment or a line end that was changed since makes another file of it",
         printable(name)
     );
     Err(Failure::input(message).in_file(&source.name).at_column("machine_sha256"))

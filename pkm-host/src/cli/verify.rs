@@ -51,8 +51,8 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let ((first, before), (second, after)) = (read(&args.before)?, read(&args.after)?);
     if before.machine_sha256 != after.machine_sha256 {
         let message = format!(
-            "is of machine `{}` from another machine file than {}: diagnose both with one machine file, and not the second with \
-             the machine.toml that the first wrote",
+            "is of machine `{}` from another machine file than {}: diagnose both with one machine file, unchanged to its comments \
+             and line ends, and not the second with the machine.toml that the first wrote",
             printable(&after.machine),
             first.name
         );
@@ -62,7 +62,8 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
         && Source::read(path)?.sha256() != before.machine_sha256
     {
         let message = format!(
-            "is of machine `{}` from another file than --machine {}",
+            "is of machine `{}` from another file than --machine {}: leave --machine out, or give the file that it was made \
+             from. A comment or a line end that was changed since makes another file of it",
             printable(&before.machine),
             path.display()
         );

@@ -70,7 +70,8 @@ impl Model {
         let file = TableFile::parse(&source)?;
         let warning = (file.machine_sha256 != machine.source.sha256()).then(|| {
             let (fitted, own) = (&file.machine, &machine.source.name);
-            format!("{} was fitted for machine `{fitted}` from another machine file than {own}", source.name)
+            format!("{} was fitted for machine `{fitted}` from another machine file than {own}, if only by a comment: give the \
+                 file that it was fitted with, or fit it anew", source.name)
         });
         let form = match (form, &file.factor) {
             (Form::Factor, None) => {
