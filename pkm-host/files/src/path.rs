@@ -25,7 +25,7 @@ pub struct Move {
     pub continues: bool,
     /// A rapid move of a program.
     pub is_rapid: bool,
-    /// Feed of a cut: mm/min where the tip moves, °/min where only the tool turns; `None` where no F of G94 says it.
+    /// Feed of a cut: mm/min where the tip moves, °/min where only the tool turns; `None` where no F of G94 says it, nor one of G95 with S.
     pub feed_per_min: Option<[f64; 2]>,
     /// What the program's F is in force as.
     pub feed_mode: FeedMode,

@@ -12,12 +12,14 @@ use crate::files::path::{FeedMode, Move};
 pub struct TooFast {
     /// Of the file, from 1.
     pub line: u64,
-    /// As programmed.
+    /// As programmed, in `G95` F times S.
     pub feed_per_min: f64,
     /// At which every joint stays within its limits.
     pub allowed_per_min: f64,
     /// Of both: `mm/min`, or `°/min` where only the tool turns.
     pub unit: &'static str,
+    /// Whether F is that of a turn of the spindle.
+    pub of_a_turn: bool,
 }
 
 /// Why the feed of a cut cannot be held against the joints' limits.
@@ -25,7 +27,7 @@ pub struct TooFast {
 pub enum NotHeld {
     /// `G93`.
     InverseTime,
-    /// `G95`.
+    /// `G95`, and no S or no F is in force.
     OfATurn,
     /// No F is in force.
     NoFeed,
@@ -38,9 +40,9 @@ impl NotHeld {
     pub fn of(mv: &Move, begins: bool) -> Option<Self> {
         match (mv.feed_mode, mv.feed_per_min) {
             (FeedMode::InverseTime, _) => Some(Self::InverseTime),
-            (FeedMode::OfATurn, _) => Some(Self::OfATurn),
+            (FeedMode::OfATurn, None) => Some(Self::OfATurn),
             (FeedMode::OfAMinute, None) => Some(Self::NoFeed),
-            (FeedMode::OfAMinute, Some(_)) => (!begins).then_some(Self::NoBeginning),
+            (FeedMode::OfAMinute | FeedMode::OfATurn, Some(_)) => (!begins).then_some(Self::NoBeginning),
         }
     }
 }
@@ -128,6 +130,7 @@ impl JointTrack {
             feed_per_min,
             allowed_per_min: allowed * feed_per_min,
             unit,
+            of_a_turn: mv.feed_mode == FeedMode::OfATurn,
         })
     }
 }

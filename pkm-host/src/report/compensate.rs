@@ -242,10 +242,13 @@ pub fn implausible(track: &Track) -> Option<String> {
 /// Lines that ask too much of a joint.
 pub fn too_fast(track: &Track, file: &str) -> Vec<String> {
     let line = |t: &TooFast| {
-        let TooFast { line, feed_per_min, allowed_per_min, unit } = t;
+        let TooFast { line, feed_per_min, allowed_per_min, unit, of_a_turn } = t;
         // down, so that what is written holds
         let allowed = (allowed_per_min * 10.0).floor() / 10.0;
-        format!("{file}:{line}: {feed_per_min} {unit} is too fast for a joint, {allowed} {unit} is within its limits")
+        let product = if *of_a_turn { " (G95: F times S)" } else { "" };
+        format!(
+            "{file}:{line}: {feed_per_min} {unit}{product} is too fast for a joint, {allowed} {unit} is within its limits"
+        )
     };
     track.too_fast.iter().map(line).collect()
 }
@@ -256,7 +259,7 @@ pub fn not_held(track: &Track, file: &str) -> Option<String> {
     let cuts = |NotHeldCuts { why, count, line }: &NotHeldCuts| {
         let why = match why {
             NotHeld::InverseTime => "in G93 (1 over the minutes of a move)",
-            NotHeld::OfATurn => "in G95 (mm a turn)",
+            NotHeld::OfATurn => "in G95 (mm a turn) without S or F in force",
             NotHeld::NoFeed => "without an F in force",
             NotHeld::NoBeginning => "from a place that is not known",
         };
@@ -267,7 +270,7 @@ pub fn not_held(track: &Track, file: &str) -> Option<String> {
     let reasons = feeds.not_held.iter().map(cuts).collect::<Vec<_>>().join(", ");
     Some(format!(
         "{file}: --limits: the feed of {left_out} of {} cuts could not be held against the joints' limits: {reasons}; only an F \
-         in mm/min (G94) can",
+         in mm/min (G94), or in mm a turn with S (G95), can",
         left_out + held
     ))
 }

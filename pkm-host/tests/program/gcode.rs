@@ -162,10 +162,14 @@ fn feeds_are_held_against_the_limits_of_the_joints() {
         found["too_fast"][0]["allowed_per_min"].as_f64().unwrap()
     });
     assert!((coarse / fine - 1.0).abs() < 3e-3, "{coarse} {fine}");
-    // a feed of a turn or of a move's time is none of a minute's
-    let of_a_turn = found(&text.replace("G94", "G95").replace("F600", "F60000"));
-    assert_eq!((lines(&of_a_turn), of_a_turn["feeds_checked"].as_u64()), (0, Some(0)));
-    assert_eq!(of_a_turn["feeds_not_checked"].as_u64(), Some(10));
+    // the same feeds of a turn of the spindle; without S they are no feeds of a minute
+    let of_a_turn = text.replace("G94", "G95").replace("F600", "F10").replace("F200", "F0.03");
+    let turning = found(&of_a_turn);
+    assert_eq!((turning["too_fast"].clone(), turning["feeds_checked"].as_u64()), (fast["too_fast"].clone(), Some(10)));
+    assert!(turning["warnings"].to_string().contains("60000 mm/min (G95: F times S) is too fast"), "{turning}");
+    let standing = found(&of_a_turn.replace("S6000 M3", "M3"));
+    assert_eq!((lines(&standing), standing["feeds_checked"].as_u64()), (0, Some(0)));
+    assert_eq!(standing["feeds_not_checked"].as_u64(), Some(10));
 
     let path = folder.write("p.ngc", &text);
     let good = std::fs::read_to_string(&limits).unwrap();

@@ -238,13 +238,12 @@ fn cuts_that_limits_say_nothing_about_are_counted() {
         let limits: &[&str] = if with_limits { &["--limits", &limits] } else { &[] };
         let found = json(&[&args[..], limits].concat());
         let counts = ["feeds_checked", "feeds_not_checked"].map(|key| found[key].as_u64().unwrap());
-        (counts, found["warnings"].to_string(), folder.read("report.html"))
+        (counts, found["warnings"].to_string(), folder.read("out.html"))
     };
     let without = "Feeds were not held against limits";
-    let of_a_turn = "G95\nG1 X-200 F0.1\n";
+    let of_a_turn = "G95 S0\nG1 X-200 F0.1\n";
     let (counts, warnings, report) = found(of_a_turn, true);
-    let said =
-        "the feed of 1 of 1 cuts could not be held against the joints&#39; limits: in G95 (mm a turn) at line 5;";
+    let said = "the feed of 1 of 1 cuts could not be held against the joints&#39; limits: in G95 (mm a turn) without S or F in force at line 5;";
     assert_eq!(counts, [0, 1]);
     assert!(warnings.contains(&said.replace("&#39;", "'")), "{warnings}");
     assert!(report.replace('\'', "&#39;").contains(said) && !report.contains(without), "{report}");

@@ -118,6 +118,7 @@ const BAD: &[(&str, u64, &str)] = &[
     ("G1 X1 = 2", 3, "expected a letter with a number"),
     ("#1=\u{e9}", 3, "expected a number"),
     ("o1 while [1]\no1 endwhile", 3, "does a loop end?"),
+    ("#1=1\no1 while [#1 GT 0]\n#1=[#1+1]\no1 endwhile", 6, "nothing moves in 200000 lines"),
     ("o1 sub\no1 call\no1 endsub\no1 call", 4, "more than 10"),
     ("o1 call [1] [2", 3, "`]` is missing"),
     ("o1 call 1", 3, "O1 call: expected `[`, found `1`"),
@@ -158,6 +159,15 @@ fn what_cannot_be_computed_is_refused_with_its_line() {
         }
     }
     assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+/// A program may compute for long between its moves.
+#[test]
+fn lines_without_a_move_count_from_the_last_one() {
+    let case = Case { direction: Fixed, ..MACROS[0] };
+    let passes = |o: u32| format!("o{o} repeat [120000]\no{o} endrepeat\n");
+    let text = format!("G21 G90 G54\nG0 X0 Y0 Z0\n{}G0 X1\n{}M2\n", passes(1), passes(2));
+    assert_eq!(case.read(&text).unwrap().moves.len(), 2);
 }
 
 /// Every pass of a loop is written out, with the lines that made it as comments.

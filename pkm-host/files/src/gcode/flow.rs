@@ -10,6 +10,8 @@ use super::words::{Label, Line, iso_number, same_number};
 const MAX_DEPTH: usize = 10;
 /// Most lines that a program may have when its subprograms and loops are written out.
 const MAX_LINES: usize = 5_000_000;
+/// Most lines without a move, beyond those of the file: what computes for longer goes on for ever.
+const MAX_IDLE: usize = 200_000;
 
 /// Where the reader is, where it came from, and what the parameters hold.
 pub(super) struct Flow<'a> {
@@ -19,6 +21,8 @@ pub(super) struct Flow<'a> {
     pub parameters: Parameters,
     next: usize,
     taken: usize,
+    /// How many were taken when the last move was made.
+    moved: usize,
     /// M2, M30 or a second `%` was read: nothing moves any more.
     ended: bool,
     /// The line, from 1, of the `%` that ended the program where no M2 or M30 did.
@@ -76,6 +80,7 @@ impl<'a> Flow<'a> {
             parameters,
             next: 0,
             taken: 0,
+            moved: 0,
             ended: false,
             percent: None,
             begun: false,
@@ -89,6 +94,11 @@ impl<'a> Flow<'a> {
         self.next += 1;
         self.taken += 1;
         Some((self.next - 1, text))
+    }
+
+    /// The line that was taken moves the tool.
+    pub fn moves(&mut self) {
+        self.moved = self.taken;
     }
 
     /// Whether the program has ended: the control reads no further.
@@ -111,6 +121,11 @@ impl<'a> Flow<'a> {
         if self.taken > MAX_LINES {
             return Err(format!(
                 "more than {MAX_LINES} lines with subprograms and loops written out: does a loop end? Else divide the program"
+            ));
+        }
+        if self.taken - self.moved >= self.lines.len() + MAX_IDLE {
+            return Err(format!(
+                "nothing moves in {MAX_IDLE} lines with subprograms and loops written out: does a loop end?"
             ));
         }
         if line.text.trim() == "%" && self.begun && self.stack.is_empty() {

@@ -330,6 +330,7 @@ impl Reader<'_> {
                 Content::Text
             }
             Effect::Moves { form, fresh } => {
+                self.flow.moves();
                 // coordinates of the machine are those without a tool's length
                 if stops.iter().any(|stop| !stop.rapid) && !line.words.iter().any(|w| w.is('G', &[53.0])) {
                     self.check_length(number);
@@ -408,7 +409,7 @@ impl Reader<'_> {
             is_fresh,
             continues: stop.continues,
             is_rapid: stop.rapid,
-            feed_per_min: self.modal.feed_per_min.filter(|_| !stop.rapid),
+            feed_per_min: self.modal.feed_a_minute().filter(|_| !stop.rapid),
             feed_mode: self.modal.feed_mode,
         });
         Ok(())

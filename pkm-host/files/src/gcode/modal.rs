@@ -163,6 +163,17 @@ impl<'a> Modal<'a> {
         (self.feed_mode, self.feed_per_min, self.feed_per_turn) = (mode, None, None);
     }
 
+    /// F in force for a cut: mm a minute, and ° a minute where only the tool turns.
+    pub fn feed_a_minute(&self) -> Option<[f64; 2]> {
+        match self.feed_mode {
+            FeedMode::OfAMinute => self.feed_per_min,
+            FeedMode::OfATurn => {
+                self.feed_per_turn.zip(self.spindle_per_min).map(|(feed, speed)| feed.map(|f| f * speed))
+            }
+            FeedMode::InverseTime => None,
+        }
+    }
+
     /// How points of this line are written.
     pub fn style(&self, form: Form, in_machine: bool) -> Style {
         Style {

@@ -25,8 +25,8 @@ impl Modal<'_> {
         match self.feed_mode {
             FeedMode::OfAMinute => self.feed_per_min.map(|[_, word]| TurnFeed { deg_per_min: word, mode: "G94", word }),
             FeedMode::OfATurn => {
-                let ([_, word], speed) = self.feed_per_turn.zip(self.spindle_per_min)?;
-                Some(TurnFeed { deg_per_min: word * speed, mode: "G95", word })
+                let ([_, word], [_, deg_per_min]) = self.feed_per_turn.zip(self.feed_a_minute())?;
+                Some(TurnFeed { deg_per_min, mode: "G95", word })
             }
             FeedMode::InverseTime => None,
         }
