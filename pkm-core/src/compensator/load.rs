@@ -57,17 +57,19 @@ impl<T: Scalar> LoadFilter<T> {
         }
     }
 
-    /// Forgets the load: what acts while nothing is compensated must not act later.
+    /// Forgets the load: what acts while nothing is compensated must not act later. How long its sensor has said the same stays: a program
+    /// that switches the compensation off and on would hide one that is stuck.
     pub fn forget_load(&mut self) {
         let zero = Vector6::zeros();
-        (self.filtered, self.last_good, self.last_read) = (zero, zero, zero);
-        (self.refused, self.equal, self.good, self.given_up) = (0, 0, 0, None);
+        (self.filtered, self.last_good) = (zero, zero);
+        (self.refused, self.good, self.given_up) = (0, 0, None);
         self.sensors.iter_mut().for_each(RiseSensor::begin_again);
     }
 
-    /// Forgets the load and the temperatures.
+    /// Forgets the load and all readings.
     pub fn reset(&mut self) {
         self.forget_load();
+        (self.last_read, self.equal) = (Vector6::zeros(), 0);
         self.sensors = [RiseSensor::NEW; 4];
     }
 

@@ -325,6 +325,20 @@ fn a_sensor_without_noise_is_stuck() {
     assert_eq!(update(&mut compensator, &POSE, &noisy(101)).fault, None);
 }
 
+/// A program that takes `enabled` away more often than every `stuck_s` does not hide a sensor that is stuck.
+#[test]
+fn a_stuck_sensor_is_found_although_the_compensation_is_switched_off_and_on() {
+    let mut compensator = compensator(&CompensatorSettings::DEFAULT);
+    let found = |period: usize, compensator: &mut Compensator<f64, 3>| {
+        let reading = Reading { enabled: period % 1000 < 900, ..on(LOAD) };
+        update(compensator, &POSE, &reading).fault
+    };
+    assert!((0..900).all(|period| found(period, &mut compensator).is_none()));
+    assert!((900..5000).any(|period| found(period, &mut compensator) == Some(Fault::WrenchStuck)));
+    compensator.reset();
+    assert!((0..900).all(|period| found(period, &mut compensator).is_none()));
+}
+
 /// A plug of the load cell, or of an encoder, that makes contact for 60 ms and none for 30 ms: the offset goes, and does not come and go with it.
 #[test]
 fn a_sensor_that_comes_and_goes_does_not_shake_the_machine() {
