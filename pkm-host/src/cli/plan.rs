@@ -13,7 +13,7 @@ use crate::diagnose::{self, Method, Rules, design::Proposal, quality};
 use crate::error::{Failure, Result};
 use crate::files::dataset::{self, DEFLECTION_COLUMNS, POSE_COLUMNS, WRENCH_COLUMNS};
 use crate::files::machine::MachineFile;
-use crate::files::readings::{CHANNELS, KINDS, Readings};
+use crate::files::readings::Readings;
 use crate::files::source;
 use crate::plan::poses::{self, PlanKind};
 use crate::pose::PoseBox;
@@ -133,8 +133,8 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
 }
 
 fn run_discriminate(args: &Args, machine: &MachineFile, session: &mut Session) -> Result<Output> {
-    let Proposed { measurement, poses, sigma_micro } = proposals(args, machine, session)?;
-    let (header, rows) = sheet(args, &poses, sigma_micro);
+    let (measurement, poses) = proposals(args, machine, session)?;
+    let (header, rows) = sheet(args, &poses);
     let (readings, out) = (rows.len(), args.out.display().to_string());
     source::write(&args.out, dataset::to_csv(b',', &header, rows), &[session.machine_path(), args.data.as_deref()])?;
     let mut text = check_first(&measurement);
@@ -165,12 +165,9 @@ fn pose_name(n: usize) -> String {
 }
 
 /// The file to write the readings in: at every pose each series goes through all of its loads.
-fn sheet(args: &Args, poses: &[Vec<Proposal>], sigma_micro: [Option<f64>; 2]) -> (Vec<String>, Vec<Vec<String>>) {
-    let sigma = ["sigma_linear_um", "sigma_angular_urad"].into_iter().zip(sigma_micro);
-    let sigma: Vec<(&str, String)> = sigma.filter_map(|(name, s)| Some((name, s?.to_string()))).collect();
+fn sheet(args: &Args, poses: &[Vec<Proposal>]) -> (Vec<String>, Vec<Vec<String>>) {
     let columns = POSE_COLUMNS.into_iter().chain(WRENCH_COLUMNS).chain(DEFLECTION_COLUMNS);
-    let columns = columns.chain(["series", "repeat", "direction"]).chain(sigma.iter().map(|(name, _)| *name));
-    let header = columns.map(str::to_owned).collect();
+    let header = columns.chain(["series", "repeat", "direction"]).map(str::to_owned).collect();
     let (series, repeats) = (args.series.unwrap_or(1), args.repeats.unwrap_or(1));
     let mut rows: Vec<Vec<String>> = Vec::new();
     for (n, loads) in poses.iter().enumerate() {
@@ -183,7 +180,6 @@ fn sheet(args: &Args, poses: &[Vec<Proposal>], sigma_micro: [Option<f64>; 2]) ->
                 // no series of the data that it may be put behind has such a name
                 row.push(format!("{}-{}", pose_name(n), s + 1));
                 row.extend([(s * repeats + r + 1).to_string(), "load".to_owned()]);
-                row.extend(sigma.iter().map(|(_, value)| value.clone()));
                 rows.push(row);
             }
         }
@@ -225,16 +221,8 @@ fn run_campaign(args: &Args, machine: &MachineFile, session: &mut Session) -> Re
     session.output(text, &document)
 }
 
-/// What a diagnosis of the readings would measure next, and what it says of them.
-struct Proposed {
-    measurement: Badge,
-    /// The loads of each pose, at least one.
-    poses: Vec<Vec<Proposal>>,
-    /// One standard deviation of a reading of translation and of rotation, as the readings scatter; none where none was read.
-    sigma_micro: [Option<f64>; 2],
-}
-
-fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Result<Proposed> {
+/// What a diagnosis says of the readings, and what it would measure next: by pose, each with at least one load.
+fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Result<(Badge, Vec<Vec<Proposal>>)> {
     let source = session.read_or_fixture(args.data.as_deref(), pkm_fixtures::MEASURED, "--data", machine)?;
     let (sheet, readings) = Readings::read_conditions(source, machine, &args.columns.renames())?;
     readings.require_deflections(&sheet)?;
@@ -250,13 +238,6 @@ fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Resul
         let message = format!("these readings leave no two rivals to tell apart{why}");
         return Err(Failure::other(message).in_file(readings.source.name));
     }
-    let used = readings.channels();
-    let sigma_micro = [0, 1].map(|kind| {
-        let variances = (0..CHANNELS).filter(|c| used[*c] && KINDS[*c] == kind).map(|c| diagnosis.noise.variance(c));
-        let (count, sum) = variances.fold((0.0, 0.0), |(count, sum), v| (count + 1.0, sum + v));
-        // to a thousandth of a micrometre, which no instrument resolves
-        (count > 0.0).then(|| (1e9 * f64::sqrt(sum / count)).round().max(1.0) / 1e3)
-    });
     let mut poses: Vec<Vec<Proposal>> = Vec::new();
     for proposal in diagnosis.proposals {
         match poses.iter_mut().find(|loads| loads[0].pose == proposal.pose) {
@@ -264,5 +245,5 @@ fn proposals(args: &Args, machine: &MachineFile, session: &mut Session) -> Resul
             None => poses.push(vec![proposal]),
         }
     }
-    Ok(Proposed { measurement, poses, sigma_micro })
+    Ok((measurement, poses))
 }
