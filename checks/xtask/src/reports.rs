@@ -274,13 +274,13 @@ fn write(out: &Path) -> Result<Vec<(&'static str, PathBuf)>, String> {
         "verify",
         "place",
         "map",
+        "compensate",
         "replay",
         "geometry",
     ];
     let mut all: Vec<_> = of_folder.iter().map(|name| (*name, folder(name).join("report.html"))).collect();
     run(&["demo"], &folder("demo"))?;
     all.push(("demo", folder("demo").join("index.html")));
-    all.push(("compensate", folder("compensate").join("path.html")));
     all.extend([("fem", folder("fem.html")), ("fem-dry", folder("fem-dry.drawing.html"))]);
     Ok(all)
 }

@@ -1,7 +1,7 @@
 //! `compensate`: a tool path that cancels the deflection that the model predicts along it.
 
-use std::ffi::OsStr;
-use std::path::PathBuf;
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
@@ -80,13 +80,16 @@ pub(crate) struct Args {
     allow_extrapolation: bool,
     #[command(flatten)]
     date: DateArgs,
-    /// File to write, in the path's format; the plot goes to the same name with .svg, the report to that with .html.
+    /// File to write, in the path's format; the plot goes to the same name with .svg, and report.html into its folder.
     #[arg(long, value_name = "FILE")]
     out: PathBuf,
 }
 
 /// Names and values for the report.
 type Facts = Vec<(&'static str, String)>;
+
+/// What stands beside the new path.
+const REPORT: &str = "report.html";
 
 impl Args {
     fn check(&self) -> Result<()> {
@@ -135,14 +138,14 @@ impl Args {
         Ok((Setup { offsets, tools, axes, head, chord_mm, block_delete, is_only_played: false }, facts))
     }
 
-    /// Plot and report beside the path, of its name: each path in a folder keeps its own.
-    fn beside(&self) -> Result<[PathBuf; 2]> {
-        let beside = ["svg", "html"].map(|extension| self.out.with_extension(extension));
-        if source::name_of(&self.out).is_none() || beside.contains(&self.out) {
-            let message = "expected the name of a file other than .svg and .html: plot and report go there";
-            return Err(Failure::usage(message).in_file(self.out.display().to_string()));
+    /// Names of the path and of the plot beside it.
+    fn names(&self, svg: &Path) -> Result<[OsString; 2]> {
+        let refused = |message| Err(Failure::usage(message).in_file(self.out.display().to_string()));
+        match (source::name_of(&self.out), svg.file_name().filter(|_| svg != self.out)) {
+            (Some(name), _) if name == REPORT => refused("expected another name: the report goes there"),
+            (Some(name), Some(svg_name)) => Ok([name.into(), svg_name.into()]),
+            _ => refused("expected the name of a file other than .svg: the plot goes there"),
         }
-        Ok(beside)
     }
 
     /// What a program's first comment says of it.
@@ -177,7 +180,8 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     });
     let correction = table.transpose()?;
     args.check()?;
-    let [svg, page] = args.beside()?;
+    let svg = args.out.with_extension("svg");
+    let [name, svg_name] = args.names(&svg)?;
     let (setup, others) = args.setup(model.machine.wrist_parameters.flange_m * 1e3)?;
     let (path, source) = ToolPath::read(&args.path, args.wrench, &setup, args.interpreter.as_deref())?;
     let in_program = matches!(path, ToolPath::Program(_));
@@ -214,10 +218,10 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let others = [&args.job, &args.tools, &args.limits].map(Option::as_deref);
     let inputs = [&[session.machine_path(), args.table.as_deref(), Some(args.path.as_path())], &others[..]].concat();
     let html = args.date.of(report::html(&track, &facts, &session.warnings, margin)?);
-    let names = [&args.out, &svg, &page].map(|path| path.file_name().unwrap_or_default());
-    let files: Vec<_> = names.into_iter().zip([written, report::picture(&track)?, html]).collect();
-    source::write_all(source::folder_of(&args.out), &files, &inputs)?;
-    let [out, plot, page] = [&args.out, &svg, &page].map(|path| path.display().to_string());
+    let files = [(name, written), (svg_name, report::picture(&track)?), (REPORT.into(), html)];
+    let folder = source::folder_of(&args.out);
+    source::write_all(folder, &files, &inputs)?;
+    let [out, plot, page] = [&args.out, &svg, &folder.join(REPORT)].map(|path| path.display().to_string());
     let points = track.points;
     let reader = args.interpreter.as_ref().map_or(String::new(), |_| format!("read by {}\n", args.reader()));
     let text = format!(

@@ -83,7 +83,7 @@ const CALLS: [Call; 9] = [
         title: "A program without the deflection",
         about: "Each point of a milling program is moved so that the loaded tip goes where it should.",
         arguments: "compensate --table @data/table.json --path @data/part.ngc --out @compensate/part.ngc",
-        page: "compensate/part.html",
+        page: "compensate/report.html",
     },
     Call {
         title: "What a controller learns",

@@ -238,7 +238,7 @@ fn cuts_that_limits_say_nothing_about_are_counted() {
         let limits: &[&str] = if with_limits { &["--limits", &limits] } else { &[] };
         let found = json(&[&args[..], limits].concat());
         let counts = ["feeds_checked", "feeds_not_checked"].map(|key| found[key].as_u64().unwrap());
-        (counts, found["warnings"].to_string(), folder.read("out.html"))
+        (counts, found["warnings"].to_string(), folder.read("report.html"))
     };
     let without = "Feeds were not held against limits";
     let of_a_turn = "G95 S0\nG1 X-200 F0.1\n";

@@ -222,7 +222,7 @@ fn a_program_of_linuxcnc_is_compensated() {
     let [before, after] = ["error_before_um", "error_after_um"].map(|key| summary[key]["max"].as_f64().unwrap());
     assert!(before > 0.5 && after < 0.01, "{before} µm, {after} µm");
     assert!(summary["reader"].as_str().unwrap().starts_with("LinuxCNC's interpreter, "), "{summary}");
-    assert!(folder.read("out.html").contains("LinuxCNC's interpreter"));
+    assert!(folder.read("report.html").contains("LinuxCNC's interpreter"));
     let written = folder.read("out.ngc");
     for line in [
         "(3: G0 X0 Y0 Z0 M8)",

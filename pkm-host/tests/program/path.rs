@@ -253,7 +253,7 @@ fn a_compensated_csv_leaves_a_thousandth_of_the_deflection() {
         assert_eq!((&summary["points"], &summary["extrapolated_points"]), (&asked.len().into(), &0.into()));
         assert!((0.1..2.0).contains(&summary["min_home_share"].as_f64().unwrap()));
         assert!(folder.read("out.svg").contains("<svg"));
-        let report = folder.read("out.html");
+        let report = folder.read("report.html");
         assert!(report.contains(&format!("takes the tip {before:.1} µm from its path at most")), "{summary}");
         // the lines with the greatest errors, the worst first
         let row = &report[report.find("<tbody>").unwrap()..];
@@ -269,26 +269,13 @@ fn a_compensated_csv_leaves_a_thousandth_of_the_deflection() {
 const LOADED_ROWS: &str = "x_mm,y_mm,z_mm,i,j,k,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm\n\
     -205,0,1137,0,0,1,LOAD,50,-400,0,0,0\n150,0,1137,0,0,1,LOAD,50,-400,0,0,0\n";
 
-/// Each path in a folder keeps its own plot and report.
-#[test]
-fn two_paths_go_into_one_folder() {
-    let folder = Folder::new();
-    for name in ["first", "second"] {
-        let path = folder.write(&format!("{name}.csv"), &LOADED_ROWS.replace("LOAD", "100"));
-        json(&["compensate", "--path", &path, "--out", &folder.path(&format!("out/{name}.csv"))]);
-    }
-    for name in ["first", "second"] {
-        assert!(folder.read(&format!("out/{name}.html")).contains(&format!("{name}.csv")), "{name}");
-    }
-}
-
 /// The control goes straight between two rows that are far apart, and the stiffness along the way is another.
 #[test]
 fn rows_that_are_far_apart_are_judged_between_them_too() {
     let folder = Folder::new();
     let (path, out) = (folder.write("far.csv", &LOADED_ROWS.replace("LOAD", "100")), folder.path("out.csv"));
     let summary = json(&["compensate", "--path", &path, "--out", &out]);
-    let report = folder.read("out.html");
+    let report = folder.read("report.html");
     assert!(report.contains("axis by ") && report.contains("have points written between"), "the page");
     let [start, end] = [0, 1].map(|row| rows(&folder.read("out.csv"), ',')[row][..3].to_vec());
     json(&["compensate", "--path", &path, "--step-mm", "177.5", "--out", &out]);
@@ -349,7 +336,7 @@ fn a_path_says_how_well_the_table_knows_its_deflection() {
     assert_eq!(summary["unsure_points"], summary["loaded_points"]);
     let warnings = summary["warnings"].to_string();
     assert!(warnings.contains("expanded uncertainty exceeds the deflection"), "{warnings}");
-    let report = folder.read("out.html");
+    let report = folder.read("report.html");
     assert!(report.contains("Not all of the deflection is known"));
     // and compensates the share that is known
     let (part, mut least) = (rows(&std::fs::read_to_string(&out).unwrap(), ','), 1.0_f64);
@@ -654,10 +641,10 @@ fn what_is_not_of_the_dialect_is_refused_with_its_line() {
     says(&refused(&step), "usage", None, &["--step-mm"]);
     let csv = ["compensate", "--path", &fixture("jobs/path.csv"), "--wrench", "1,0,0,0,0,0", "--out", &out];
     says(&refused(&csv), "usage", None, &["columns fx_n"]);
-    let report = ["compensate", "--path", &fixture("jobs/path.csv"), "--out", &folder.path("out.html")];
-    says(&refused(&report), "usage", None, &["plot and report go there"]);
+    let report = ["compensate", "--path", &fixture("jobs/path.csv"), "--out", &folder.path("report.html")];
+    says(&refused(&report), "usage", None, &["the report goes there"]);
     let svg = ["compensate", "--path", &fixture("jobs/path.csv"), "--out", &folder.path("a.svg")];
-    says(&refused(&svg), "usage", None, &["plot and report go there"]);
+    says(&refused(&svg), "usage", None, &["the plot goes there"]);
     let other = ["compensate", "--path", &fixture("jobs/path.csv"), "--out", &out];
     says(&refused(&other), "usage", None, &["the kind of file that --path is"]);
     let odd = ["compensate", "--path", &fixture("machines/reference.toml"), "--out", &out];

@@ -119,7 +119,7 @@ fn map_escapes_names() {
 fn compensate_escapes_names() {
     let named = Named::new();
     let (path, out) = (named.copy("jobs/path.csv"), named.folder.path("out/p.csv"));
-    named.check(&["compensate", "--path", &path, "--out", &out], "out/p.html", &[FILE]);
+    named.check(&["compensate", "--path", &path, "--out", &out], "out/report.html", &[FILE]);
 }
 
 #[test]
@@ -128,9 +128,9 @@ fn date_is_written_where_it_is_asked_for() {
     let (path, out) = (fixture("jobs/path.csv"), folder.path("p.csv"));
     let call = ["compensate", "--path", &path, "--out", &out];
     json(&call);
-    let plain = folder.read("p.html");
+    let plain = folder.read("report.html");
     json(&[&call[..], &["--date"]].concat());
-    let dated = folder.read("p.html");
+    let dated = folder.read("report.html");
     let (before, rest) = dated.split_once("<dt>Made</dt><dd>").expect("a date");
     let (date, after) = rest.split_once(" UTC</dd>").expect("its end");
     assert!(date.len() == "2026-01-01 00:00".len() && date.starts_with("20"), "{date}");
