@@ -135,6 +135,11 @@ type Cell = (usize, u64, Vec<usize>);
 type Pattern = (usize, Vec<(usize, u64, usize)>);
 
 impl Whitener {
+    /// Standard deviation of an entry, apart from zero errors.
+    pub fn deviation(&self, entry: usize) -> f64 {
+        1.0 / self.weight[entry]
+    }
+
     /// By the noise of the readings alone. What was repeated within a series, and series that are repeats of one
     /// another, come in by their means, which says the same of the model for less work.
     pub fn new(observations: &Observations, noise: &Noise) -> Self {

@@ -111,18 +111,23 @@ fn not_linear(blocks: &mut Blocks<'_>) {
     blocks.add(&["sensor".into()], "general", "load", terms);
 }
 
-/// Sensors that lag behind while the load goes down, a gauge with friction in its stem: by as much wherever they stand, or by a share of what
-/// they read.
+/// Sensors that lag behind, a gauge with friction in its stem: by as much wherever they stand, as the load goes up and as it goes down, or
+/// while it goes down by less where they read little, or by a share of what they read.
 fn lagging(blocks: &mut Blocks<'_>, said: &[[f64; CHANNELS]]) {
-    let (entries, conditions) = (&blocks.problem.whitener.entries, &blocks.readings.conditions);
-    let laws: [fn(f64) -> f64; 2] = [|u| (5.0 * u).tanh(), |u| u];
+    let (whitener, conditions) = (&blocks.problem.whitener, &blocks.readings.conditions);
     let of = |(c, rms): (usize, f64)| {
-        laws.map(|law| {
+        let deviations =
+            || (0..whitener.entries.len()).filter(|n| whitener.entries[*n].channel == c).map(|n| whitener.deviation(n));
+        // what moves by less than its noise shows no lag
+        let least = deviations().sum::<f64>() / deviations().count() as f64;
+        [(false, Some(least)), (true, Some(least)), (true, Some(0.2 * rms)), (true, None)].map(|(down, turn)| {
             let value = |e: &pkm_diagnosis::Entry| {
                 let goes_down = conditions[e.condition].turned_at.to_vector().amax() > 0.0;
-                if e.channel == c && goes_down { RELATIVE * rms * law(said[e.condition][c] / rms) } else { 0.0 }
+                let moved = said[e.condition][c];
+                let lag = turn.map_or(moved, |turn| rms * (moved / turn).tanh());
+                if e.channel == c && goes_down == down { RELATIVE * lag } else { 0.0 }
             };
-            Term::Entry(Arc::new(entries.iter().map(value).collect()))
+            Term::Entry(Arc::new(whitener.entries.iter().map(value).collect()))
         })
     };
     let terms = used(blocks).into_iter().flat_map(of).collect();
