@@ -67,8 +67,8 @@ pub(crate) struct Args {
     /// made, and written without the `/`.
     #[arg(long)]
     block_delete: bool,
-    /// For G-code: greatest velocity and acceleration of each joint, TOML. Lines are named whose feed (F in mm/min, G94, or in mm a turn times S, G95) would take more, with
-    /// the feed that does not.
+    /// For G-code: greatest velocity and acceleration of each joint, TOML. Lines are named whose feed (F in mm/min, G94, or in mm a
+    /// turn times S, G95) would take more, with the feed that does not.
     #[arg(long, value_name = "TOML")]
     limits: Option<PathBuf>,
     /// How far loads that are given may be off, as a share of them, 0.2 for 20 %: the report then says which error that leaves. Estimated loads have
