@@ -9,7 +9,7 @@ use pkm_core::estimation::{
 };
 use pkm_core::{FiveAxis, Model, Scalar};
 
-use crate::pointers::{answer, given, taken};
+use crate::pointers::{answer, given, given_slice, taken};
 use crate::{
     PkmCompensator, PkmConfiguration, PkmError, PkmEstimatorSettings, PkmEstimatorState, PkmKnownOffset, PkmLearned,
     PkmMachine, PkmNewest, PkmOffset, PkmPoint, PkmPose, PkmReading, PkmTable, PkmTableUncertainty, PkmTipReading,
@@ -150,8 +150,7 @@ pub unsafe extern "C" fn pkm_estimator_newest(
             if size < state_bytes(amplitudes) {
                 return Err(PkmError::WrongSize);
             }
-            let (first, second) = (given(first)?, given(second)?);
-            let [first, second] = [first, second].map(|slot| slice::from_raw_parts(slot, size));
+            let (first, second) = (given_slice(first, size)?, given_slice(second, size)?);
             let (slot, sequence) = newest(amplitudes, first, second).ok_or(PkmError::StateNotWhole)?;
             Ok(PkmNewest { slot: u32::from(slot == Slot::B), sequence })
         })
@@ -339,7 +338,7 @@ macro_rules! estimator {
             // SAFETY: the caller's promise
             let restored = unsafe { taken(estimator) }.and_then(PkmEstimator::running_mut).and_then(|any| {
                 // SAFETY: the caller's promise
-                let (table, slot) = unsafe { (given(table)?, slice::from_raw_parts(given(slot)?, size)) };
+                let (table, slot) = unsafe { (given(table)?, given_slice(slot, size)?) };
                 Ok(each!(any, estimator => estimator.restore(model(table), slot))?)
             });
             restored.map_or_else(|error| error, |()| PkmError::Ok)

@@ -1,5 +1,7 @@
 //! Pointers of C callers.
 
+use core::slice;
+
 use crate::PkmError;
 
 /// What a C caller handed over, if there is something.
@@ -15,6 +17,17 @@ pub unsafe fn given<'a, T>(pointer: *const T) -> Result<&'a T, PkmError> {
         // SAFETY: neither null nor misaligned; the rest is the caller's promise
         Ok(unsafe { &*pointer })
     }
+}
+
+/// Several of what a C caller handed over. A reference to the first alone would not reach the others.
+///
+/// # Safety
+/// Unless null or misaligned, the pointer leads to `count` of `T` that nobody writes to meanwhile.
+pub unsafe fn given_slice<'a, T>(pointer: *const T, count: usize) -> Result<&'a [T], PkmError> {
+    // SAFETY: the caller's promise
+    unsafe { given(pointer)? };
+    // SAFETY: neither null nor misaligned; the rest is the caller's promise
+    Ok(unsafe { slice::from_raw_parts(pointer, count) })
 }
 
 /// What a C caller handed over to be changed.

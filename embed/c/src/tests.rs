@@ -426,6 +426,7 @@ macro_rules! states {
                 PkmEstimatorSettings { amplitudes: [amplitude; PKM_AMPLITUDES], count: 1, model_share: 0.02 };
             let mut room = vec![PATTERN; $buffer_size().div_ceil(8)];
             let (mut memory, mut slot) = (vec![PATTERN; $size().div_ceil(8)], [0_u8; 128]);
+            let size = slot.len();
             let estimator = memory.as_mut_ptr().cast();
             let mut received = std::ptr::null();
             // SAFETY: pointers to what the functions ask for
@@ -435,11 +436,14 @@ macro_rules! states {
                 let begin = || $init(estimator, $size(), &settings, size_of_val(&settings));
                 assert_eq!(begin(), PkmError::Ok);
                 for (beyond, other) in [(received, $table()), ($table(), received)] {
-                    assert_eq!($save(estimator, beyond, 1, slot.as_mut_ptr(), slot.len()), PkmError::Ok);
+                    assert_eq!($save(estimator, beyond, 1, slot.as_mut_ptr(), size), PkmError::Ok);
                     assert_eq!(begin(), PkmError::Ok);
-                    let restore = |table| $restore(estimator, table, slot.as_ptr(), slot.len());
+                    let restore = |table| $restore(estimator, table, slot.as_ptr(), size);
                     assert_eq!(restore(other), PkmError::OtherState);
                     assert_eq!(restore(beyond), PkmError::Ok);
+                    let (slot, mut found) = (slot.as_ptr(), PkmNewest { slot: 1, sequence: 0 });
+                    assert_eq!(pkm_estimator_newest(1, slot, slot, size, &raw mut found), PkmError::Ok);
+                    assert_eq!(found, PkmNewest { slot: 0, sequence: 1 });
                 }
             }
         }
