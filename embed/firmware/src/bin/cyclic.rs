@@ -300,16 +300,18 @@ fn answer(request: &Request, service: &mut Service, bad_lines: u32, last_fault: 
             send::<f64>(id, Answer::Hello(hello));
         }
         Command::Status => {
-            let counters = Counters {
+            // looking through a large memory takes many periods: before the counters, which are of one moment
+            let (_, stack_used_bytes) = board::stack_bytes();
+            let counters = critical_section::with(|_| Counters {
                 cycles: CYCLES.load(Relaxed),
                 overruns: OVERRUNS.load(Relaxed),
                 worst_ticks: WORST_TICKS.load(Relaxed),
-                stack_used_bytes: board::stack_bytes().1,
+                stack_used_bytes,
                 bad_lines,
                 lost_replies: LOST_REPLIES.load(Relaxed),
                 dropped_demands: DROPPED_DEMANDS.load(Relaxed),
                 last_fault,
-            };
+            });
             send::<f64>(id, Answer::Status(counters));
         }
         Command::Cycle(demand) => {
