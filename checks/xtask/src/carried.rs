@@ -16,7 +16,7 @@ use pkm_protocol::{
 
 use crate::guards::{Board, STANDSTILL};
 use crate::hil::OTHER_TABLE;
-use crate::learning::{DEMAND, DEMAND_PERIODS, learned, learned_of, parsed};
+use crate::learning::{COMPARED_PERIODS, DEMAND, learned, parsed, renewed};
 use crate::line::Line;
 use crate::{Outcome, root};
 
@@ -91,17 +91,14 @@ fn offset_after<T: Scalar>(
     Ok(compensator.joints().map(T::to_f64).into())
 }
 
-/// Starts the board, gives it the weight and the demand, and judges what it says until it drops the demand.
+/// Starts the board, gives it the weight and the demand, and judges what it says as long as it has the demand.
 fn followed(board: &mut Board, demand: &Demand, judge: impl Fn(&Learned) -> Outcome) -> Outcome {
-    // the board's time runs ahead of this computer's: it may have dropped the demand before it is asked
     for _ in 0..ATTEMPTS {
         board.restart("a restart", &STANDSTILL)?;
         carry(&mut board.line, TABLE_F64.checksum())?;
-        board.line.request(Command::Cycle(*demand))?;
         let mut judged = false;
-        loop {
-            let found = learned_of(&board.line.request(Command::Learned)?)?;
-            if found.compensated >= DEMAND_PERIODS {
+        while let Some(found) = renewed(&mut board.line, *demand)? {
+            if found.compensated >= COMPARED_PERIODS {
                 break;
             }
             judge(&found)?;
@@ -146,14 +143,13 @@ fn exchanged(board: &mut Board, arithmetic: Arithmetic) -> Outcome {
         carry(&mut board.line, TABLE_F64.checksum())?;
         transfer(&mut board.line, &double)?;
         // all at once, before the demand is dropped
-        board.line.send_all(&[Command::Cycle(demand), Command::Swap, Command::Learned])?;
+        board.line.send_all(&[Command::Cycle(demand), Command::Swap])?;
         board.line.hears("a cycle", r#""status":"ok""#)?;
         board.line.hears("a swap", &format!(r#"{{"swapped":"{:016x}"}}"#, double.checksum()))?;
-        let mut found = learned_of(&board.line.receive()?)?;
-        while found.compensated < SETTLED {
-            found = learned_of(&board.line.request(Command::Learned)?)?;
-        }
-        if found.compensated < DEMAND_PERIODS {
+        while let Some(found) = renewed(&mut board.line, demand)? {
+            if found.compensated < SETTLED {
+                continue;
+            }
             // the weight that comes now has its reference by the new table, too
             carry(&mut board.line, double.checksum())?;
             let same = found.offset_m == after && found.fault.is_none();

@@ -12,7 +12,7 @@ use pkm_core::{CorrectionTable, Machine, Model, Pose, Scalar, Wrench};
 use pkm_host::files::learn::Learn;
 use pkm_host::files::log::Entry;
 use pkm_host::replay::{Step, replay};
-use pkm_protocol::{Answer, Arithmetic, Checksum, Code, Command, Demand, Learned, Probe, Refusal, Reply};
+use pkm_protocol::{Answer, Arithmetic, Checksum, Code, Command, Counters, Demand, Learned, Probe, Refusal, Reply};
 
 use crate::guards::{Board, STANDSTILL};
 use crate::image::place;
@@ -92,8 +92,8 @@ pub fn run(name: &str, elf: &Path) -> Outcome {
     Ok(())
 }
 
-/// After so many periods the task drops a demand.
-pub const DEMAND_PERIODS: u32 = 1000;
+/// What the task compensates is compared up to so many periods.
+pub const COMPARED_PERIODS: u32 = 1000;
 const ATTEMPTS: usize = 10;
 
 /// The load of a demand in which what was learned is compensated.
@@ -123,13 +123,10 @@ fn compensates(board: &mut Board, log: &[Entry]) -> Outcome {
     for arithmetic in [Arithmetic::F32, Arithmetic::F64] {
         let demand = Demand { arithmetic, ..DEMAND };
         let mut compared = 0;
-        // the board's time runs ahead of this computer's: it may have dropped the demand before it is asked
         for _ in 0..ATTEMPTS {
             board.restart("a restart", &STANDSTILL)?;
-            board.line.request(Command::Cycle(demand))?;
-            loop {
-                let found = learned_of(&board.line.request(Command::Learned)?)?;
-                if found.compensated >= DEMAND_PERIODS {
+            while let Some(found) = renewed(&mut board.line, demand)? {
+                if found.compensated >= COMPARED_PERIODS {
                     break;
                 }
                 let [with, without] = match arithmetic {
@@ -152,6 +149,16 @@ fn compensates(board: &mut Board, log: &[Entry]) -> Outcome {
         }
     }
     save_is_refused(&mut board.line)
+}
+
+/// Sends the demand again, as a host does that wants the task to go on with it, and has the board say what it compensates. `None` when
+/// the task has dropped a demand since the start: the board's time runs ahead of this computer's.
+pub fn renewed(line: &mut Line, demand: Demand) -> Result<Option<Learned>, String> {
+    line.send_all(&[Command::Cycle(demand), Command::Learned, Command::Status])?;
+    line.hears("a cycle", r#""status":"ok""#)?;
+    let found = learned_of(&line.receive()?)?;
+    let dropped = counters_of(&line.receive()?)?.dropped_demands;
+    Ok((dropped == 0).then_some(found))
 }
 
 /// What was learned beyond one table is not taken for what is beyond another, which may have it: neither at once nor after a restart, by
@@ -215,6 +222,13 @@ pub fn learned_of(reply: &str) -> Result<Learned, String> {
     match parsed(reply)? {
         Answer::Learned(learned) => Ok(learned),
         _ => Err(format!("not what is learned: {reply}")),
+    }
+}
+
+pub fn counters_of(reply: &str) -> Result<Counters, String> {
+    match parsed(reply)? {
+        Answer::Status(counters) => Ok(counters),
+        _ => Err(format!("not a status: {reply}")),
     }
 }
 

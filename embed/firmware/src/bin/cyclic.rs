@@ -152,7 +152,7 @@ fn SysTick() {
 #[exception]
 fn PendSV() {
     static mut WORKING_ON: Option<Demand> = None;
-    static mut RUNS: u32 = 0;
+    static mut DEMANDED_AT: u32 = 0;
     static mut IN_SERVICE: Option<&'static mut Tables> = None;
     static mut LEARNED: Option<Task> = None;
     static mut WATCHES: [TableWatch; 2] =
@@ -175,14 +175,15 @@ fn PendSV() {
         critical_section::with(|cs| BEFORE.borrow(cs).set(Some(before)));
     }
     if let Some(demand) = critical_section::with(|cs| DEMAND.borrow(cs).take()) {
-        (*WORKING_ON, *RUNS) = (Some(demand), 0);
+        (*WORKING_ON, *DEMANDED_AT) = (Some(demand), PERIODS.load(Relaxed));
     }
     let abort = ABORT_ASKED.swap(false, Relaxed);
-    if WORKING_ON.is_some() && (abort || *RUNS >= DEMAND_PERIODS) {
+    // periods and not runs: an overrun must not prolong it
+    let ended = PERIODS.load(Relaxed).wrapping_sub(*DEMANDED_AT) >= DEMAND_PERIODS;
+    if WORKING_ON.is_some() && (abort || ended) {
         *WORKING_ON = None;
         DROPPED_DEMANDS.fetch_add(1, Relaxed);
     }
-    *RUNS = RUNS.saturating_add(1);
     if abort {
         ABORTED.store(true, Relaxed);
     }
