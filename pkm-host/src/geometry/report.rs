@@ -108,7 +108,10 @@ fn numbers(found: &Identification) -> Vec<Finding> {
     let add = |(name, e): &(String, &Estimate)| format!("{name} {}", number(e, e.held));
     let some: Vec<String> = zeros.iter().filter(|(_, e)| e.identifiable).map(add).collect();
     if !some.is_empty() {
-        all.push(Finding::good(format!("Add to the home positions of the drives: {}.", list(some))));
+        all.push(Finding::good(format!(
+            "Add to the home positions of the drives, ± one standard deviation: {}.",
+            list(some)
+        )));
     }
     let is_size = |e: &&Estimate| matches!(e.meaning, Meaning::Size(_) | Meaning::Wrist(_) | Meaning::ToolY);
     let change = |e: &Estimate| format!("{} {}", e.meaning.key(), number(e, e.value - e.declared));
@@ -116,14 +119,14 @@ fn numbers(found: &Identification) -> Vec<Finding> {
     let changed: Vec<String> =
         found.estimates.iter().filter(is_size).filter(told).filter(differs).map(change).collect();
     all.push(Finding::good(if changed.is_empty() {
-        "No size differs from its declared value by more than its deviation.".to_owned()
+        format!("No size differs from its declared value by more than {SIGNIFICANT_SD} of its standard deviations.")
     } else {
         let has = if found.found().next().is_none() { "has them" } else { "has those that suit the controller" };
-        format!("True sizes less declared ones: {}. machine.toml {has}.", list(changed))
+        format!("True sizes less declared ones, ± one standard deviation: {}. machine.toml {has}.", list(changed))
     }));
     if let Some(e) = found.estimates.iter().find(|e| e.meaning == Meaning::ToolY).filter(differs) {
         all.push(Finding::warning(format!(
-            "The tip sits {} beside the plane of the wrist: the controller's kinematics have no such offset, align the spindle or the ball.",
+            "The tip sits {} (± one standard deviation) beside the plane of the wrist: the controller's kinematics have no such offset, align the spindle or the ball.",
             number(e, e.value)
         )));
     }

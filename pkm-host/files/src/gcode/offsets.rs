@@ -22,7 +22,9 @@ pub(super) fn name(frame: usize) -> String {
 /// Why a work frame is refused that nothing has set.
 pub(super) fn unknown(frame: usize, setup: &Setup) -> Refusal {
     let name = name(frame);
-    let todo = setup.todo(&format!("give a --job with `{name} = [x, y, z]` under [offsets], in mm in B"));
+    let todo = setup.todo(&format!(
+        "give a --job with `{name} = [x, y, z]` under [offsets], in mm from the origin of B along the program's axes"
+    ));
     format!("where {name} lies in the machine is not known: {todo}; or set it in the program with G10 L2")
 }
 
