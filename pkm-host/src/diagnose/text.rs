@@ -34,7 +34,7 @@ pub fn place(place: &str) -> String {
 pub fn error_of(place: &str, law: &str) -> String {
     match law {
         _ if place == "time" => "readings as time goes (a drift)".to_owned(),
-        "direction" => format!("{place}, by direction (it lags behind while the load goes down)"),
+        "direction" => format!("{place}, by direction (it lags behind, as a gauge with friction in its stem does)"),
         "pose" => format!("{place}, anew at each pose (a zero that was lost, a clamp or reflector that moved)"),
         "time" => format!("{place}, with time (a drift)"),
         _ => format!("{place}, law: {law}"),

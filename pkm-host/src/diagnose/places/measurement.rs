@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::Blocks;
 use super::elastic::{M8, Solved};
-use super::terms::{Seen, Term};
+use super::terms::{Lag, Seen, Term};
 use crate::files::readings::{CHANNELS, Condition, GAUGE};
 use crate::pose::ROTATION_ARM_M;
 
@@ -18,8 +18,8 @@ fn size(component: usize) -> f64 {
     if component < 3 { 1.0 } else { 1.0 / ROTATION_ARM_M }
 }
 
-/// Adds all of them. `solved` is the declared machine, `said` what it lets be read, by condition.
-pub fn add(blocks: &mut Blocks<'_>, solved: &[Solved], said: &[[f64; CHANNELS]]) {
+/// Adds all of them. `solved` is the declared machine.
+pub fn add(blocks: &mut Blocks<'_>, solved: &[Solved]) {
     let pairs = || (0..6).flat_map(|i| (0..6).map(move |j| (i, j)));
     let sensor = vec!["sensor".to_owned()];
     let load = vec!["load".to_owned()];
@@ -36,9 +36,7 @@ pub fn add(blocks: &mut Blocks<'_>, solved: &[Solved], said: &[[f64; CHANNELS]])
     blocks.add_with(&load, "general", "load", pairs().map(|p| wrong_load(p, true)).collect(), 0, LN_PRIOR_OF_ODDITIES);
     gain_by_load(blocks);
     not_linear(blocks);
-    if blocks.readings.has_unloading {
-        lagging(blocks, said);
-    }
+    lagging(blocks);
     by_time(blocks, solved);
     if blocks.looks_at_single_poses() {
         by_pose(blocks);
@@ -111,24 +109,25 @@ fn not_linear(blocks: &mut Blocks<'_>) {
     blocks.add(&["sensor".into()], "general", "load", terms);
 }
 
-/// Sensors that lag behind, a gauge with friction in its stem: by as much wherever they stand, as the load goes up and as it goes down, or
-/// while it goes down by less where they read little, or by a share of what they read.
-fn lagging(blocks: &mut Blocks<'_>, said: &[[f64; CHANNELS]]) {
-    let (whitener, conditions) = (&blocks.problem.whitener, &blocks.readings.conditions);
+/// Sensors that lag behind: a gauge with friction in its stem, which stays where it is until the machine is away by so much, or one that
+/// reads less by a share while the load goes down.
+fn lagging(blocks: &mut Blocks<'_>) {
+    let (whitener, unloading) = (&blocks.problem.whitener, blocks.readings.has_unloading);
     let of = |(c, rms): (usize, f64)| {
         let deviations =
             || (0..whitener.entries.len()).filter(|n| whitener.entries[*n].channel == c).map(|n| whitener.deviation(n));
-        // what moves by less than its noise shows no lag
-        let least = deviations().sum::<f64>() / deviations().count() as f64;
-        [(false, Some(least)), (true, Some(least)), (true, Some(0.2 * rms)), (true, None)].map(|(down, turn)| {
-            let value = |e: &pkm_diagnosis::Entry| {
-                let goes_down = conditions[e.condition].turned_at.to_vector().amax() > 0.0;
-                let moved = said[e.condition][c];
-                let lag = turn.map_or(moved, |turn| rms * (moved / turn).tanh());
-                if e.channel == c && goes_down == down { RELATIVE * lag } else { 0.0 }
-            };
-            Term::Entry(Arc::new(whitener.entries.iter().map(value).collect()))
-        })
+        // a stem that holds less than the noise is not seen
+        let noise = deviations().sum::<f64>() / deviations().count() as f64;
+        let held = |by: f64| -> Lag {
+            Arc::new(move |now, turned| {
+                let stem = turned - turned.max(-by).min(by);
+                RELATIVE * rms / by * (now - stem.max(now - by).min(now + by))
+            })
+        };
+        let less: Lag = Arc::new(|now, turned| if turned == 0.0 { 0.0 } else { RELATIVE * now });
+        let mut lags: Vec<Lag> = [1.0, 3.0, 9.0, 27.0].map(|scale| held(scale * noise)).into();
+        lags.extend(unloading.then_some(less));
+        lags.into_iter().map(move |lag| Term::Lag(c, lag))
     };
     let terms = used(blocks).into_iter().flat_map(of).collect();
     blocks.add(&["sensor".into()], "general", "direction", terms);

@@ -10,6 +10,8 @@ use super::elastic::{Frame, M6, M8, M68, V8};
 pub type Law = Arc<dyn Fn(usize, &V8, &V8) -> V8 + Send + Sync>;
 /// A displacement of what is read.
 pub type Direct = Arc<dyn Fn(&Seen<'_>) -> [f64; 6] + Send + Sync>;
+/// How far a reading lags behind, from what it would be without that, and would have been where the load turned: 0 if it did not.
+pub type Lag = Arc<dyn Fn(f64, f64) -> f64 + Send + Sync>;
 
 /// One condition, as terms see it.
 pub struct Seen<'a> {
@@ -38,6 +40,8 @@ pub enum Term {
     Law(Law),
     /// A displacement of the reading.
     Direct(Direct),
+    /// What a channel lags behind.
+    Lag(usize, Lag),
     /// A displacement by entry.
     Entry(Arc<Vec<f64>>),
     /// A whitened column, valid near the declared machine.

@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector, Vector6};
 use pkm_core::effects::Element;
 use pkm_diagnosis::places::{AtState, Block, Finding, PlaceModel, State};
-use pkm_diagnosis::{Prior, Problem, Role};
+use pkm_diagnosis::{Entry, Prior, Problem, Role};
 use rayon::prelude::*;
 
 use super::coupled::Written;
@@ -90,7 +90,7 @@ impl World {
         platforms::add(&mut blocks);
         turned::add(&mut blocks);
         ties::add(&mut blocks);
-        measurement::add(&mut blocks, &solved, &said);
+        measurement::add(&mut blocks, &solved);
         named::add(&mut blocks);
         this.written = blocks.written;
         (this.blocks, this.terms) = blocks.list.into_iter().unzip();
@@ -184,9 +184,10 @@ impl Under<'_> {
         // a pose has one change of its compliance, and many loads
         let softer = |s: &Solved, e: &M8| s.response * e * s.response.transpose();
         let all = |e: &[M8]| solved.iter().zip(e).map(|(s, e)| softer(s, e)).collect::<Vec<M6>>();
-        let moved = |change: &M6, c: usize| -> Six {
-            seen_at((change * Vector6::from(self.world.wrenches[c].0)).into(), conditions[c].point_m)
+        let yields = |compliance: &M6, wrench: Six, c: usize| -> Six {
+            seen_at((compliance * Vector6::from(wrench)).into(), conditions[c].point_m)
         };
+        let moved = |change: &M6, c: usize| yields(change, self.world.wrenches[c].0, c);
         let by_pose = |change: &[M6]| self.by_condition(|c| moved(&change[conditions[c].pose], c));
         let whitened = |mut values: Vec<f64>| {
             self.problem.whitener.whiten(&mut values);
@@ -210,6 +211,18 @@ impl Under<'_> {
                 let read = self.read(&moved.collect::<Vec<Six>>());
                 let entries = self.problem.whitener.entries.iter().zip(factors.iter());
                 whitened(entries.map(|(e, f)| f * read[e.condition][e.channel]).collect())
+            }
+            Term::Lag(channel, lag) => {
+                let lags = |e: &Entry| {
+                    let c = e.condition;
+                    if e.channel != *channel {
+                        return 0.0;
+                    }
+                    let turned = yields(&solved[conditions[c].pose].compliance, self.world.wrenches[c].1, c);
+                    let [now, turned] = [said[c], turned].map(|d| conditions[c].read(d)[*channel]);
+                    lag(now, turned)
+                };
+                whitened(self.problem.whitener.entries.iter().map(lags).collect())
             }
             Term::Law(law) => self.by_condition(|c| {
                 let pose = conditions[c].pose;
