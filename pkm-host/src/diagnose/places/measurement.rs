@@ -110,7 +110,7 @@ fn not_linear(blocks: &mut Blocks<'_>) {
 }
 
 /// Sensors that lag behind: a gauge with friction in its stem, which stays where it is until the machine is away by so much, or one that
-/// reads less by a share while the load goes down.
+/// reads less while the load goes down, by a share of what it reads or by as much wherever it stands.
 fn lagging(blocks: &mut Blocks<'_>) {
     let (whitener, unloading) = (&blocks.problem.whitener, blocks.readings.has_unloading);
     let of = |(c, rms): (usize, f64)| {
@@ -124,9 +124,13 @@ fn lagging(blocks: &mut Blocks<'_>) {
                 RELATIVE * rms / by * (now - stem.max(now - by).min(now + by))
             })
         };
-        let less: Lag = Arc::new(|now, turned| if turned == 0.0 { 0.0 } else { RELATIVE * now });
+        let less = |law: fn(f64) -> f64| -> Lag {
+            Arc::new(move |now, turned| if turned == 0.0 { 0.0 } else { RELATIVE * rms * law(now / rms) })
+        };
         let mut lags: Vec<Lag> = [1.0, 3.0, 9.0, 27.0].map(|scale| held(scale * noise)).into();
-        lags.extend(unloading.then_some(less));
+        if unloading {
+            lags.extend([less(|u| u), less(|u| (5.0 * u).tanh())]);
+        }
         lags.into_iter().map(move |lag| Term::Lag(c, lag))
     };
     let terms = used(blocks).into_iter().flat_map(of).collect();
