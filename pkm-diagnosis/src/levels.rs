@@ -1,10 +1,10 @@
 //! One problem at several sizes of the errors that readings have in common, such as those of the loads: nobody declares all.
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use crate::fit::{Fit, ln_evidence, rows_and_products, squared};
-use crate::model::Unknown;
+use crate::model::{CommonErrors, Unknown};
 use crate::solve::Problem;
 use crate::whitening::Whitener;
 
@@ -22,12 +22,13 @@ pub fn whiteners(plain: &Problem<'_>) -> Vec<Whitener> {
         return vec![plain.whitener.clone(); plain.rules.load_error_levels.len()];
     };
     let groups = plain.common_groups(&errors);
-    let at = |level: &f64| {
-        let scale: Vec<f64> =
-            errors.sd.iter().zip(&errors.undeclared).map(|(sd, more)| sd.hypot(level * more)).collect();
-        plain.whitener.with_common_errors(&groups, &scale)
-    };
+    let at = |level: &f64| plain.whitener.with_common_errors(&groups, &scale(&errors, *level));
     plain.rules.load_error_levels.iter().map(at).collect()
+}
+
+/// Standard deviations of common errors at a level.
+fn scale(errors: &CommonErrors, level: f64) -> Vec<f64> {
+    errors.sd.iter().zip(&errors.undeclared).map(|(sd, more)| sd.hypot(level * more)).collect()
 }
 
 /// The same with disturbances of the readings that the model knows nothing of ([`Whitener::with_disturbances`]).
@@ -60,6 +61,29 @@ impl<'a> Levels<'a> {
             plain = at(best, plain.x.as_slice())?.1;
         }
         Some((best, self.problems[best].relevel(&plain)?))
+    }
+
+    /// What readings are expected to be by condition and channel, by a fit and the common errors at a level that they most likely have
+    /// beside it.
+    pub fn expected(&self, fit: &Fit, level: usize) -> Option<Vec<f64>> {
+        let x = fit.x.as_slice();
+        let mut said = self.plain.model.predict(&fit.unknowns, x)?;
+        let Some(errors) = self.plain.model.common_errors() else { return Some(said) };
+        let (left, scale) = (self.plain.residuals(&fit.unknowns, x)?, scale(&errors, self.load_error(level)));
+        let channels = self.plain.observations.channels.len();
+        let mut likely = vec![DVector::zeros(scale.len()); errors.group_of.len()];
+        for (entries, mut u) in self.plain.common_groups(&errors) {
+            u.column_iter_mut().zip(&scale).for_each(|(mut column, sd)| column *= *sd);
+            let own = DVector::from_iterator(entries.len(), entries.iter().map(|e| left[*e]));
+            let known = (u.tr_mul(&u) + DMatrix::identity(scale.len(), scale.len())).cholesky()?;
+            let group = errors.group_of[self.plain.whitener.entries[entries[0]].condition];
+            likely[group] = known.solve(&u.tr_mul(&own)).component_mul(&DVector::from_column_slice(&scale));
+        }
+        for (n, said) in said.iter_mut().enumerate() {
+            let own = &likely[errors.group_of[n / channels]];
+            *said += errors.columns.iter().zip(own).map(|(column, likely)| column[n] * likely).sum::<f64>();
+        }
+        Some(said)
     }
 
     /// By how much a level of load errors is likelier than all up to the relative size `most`, as ln evidence of a fit's unknowns.

@@ -34,6 +34,7 @@ mod observations;
 pub mod places;
 pub mod residuals;
 pub mod robust;
+pub mod rounding;
 mod rules;
 pub mod screening;
 pub mod search;

@@ -25,6 +25,8 @@ pub struct Noise {
     pub source: NoiseSource,
     /// Of one reading within its series.
     pub within: Vec<f64>,
+    /// The same before it is rounded, however coarsely.
+    pub unrounded: Vec<f64>,
     /// Of the zero reading that a series shares.
     pub between: Vec<f64>,
     /// Degrees of freedom of the repeats, all channels together; 0 when declared.
@@ -289,7 +291,7 @@ impl Noise {
         if !is_known || (declared && used.iter().all(is_copied)) {
             return Self::declared(observations, &used);
         }
-        let (mut within, mut between) = (vec![0.0; channels.len()], vec![0.0; channels.len()]);
+        let [mut within, mut unrounded, mut between] = [(); 3].map(|()| vec![0.0; channels.len()]);
         let mut is_zero_open = vec![false; channels.len()];
         for c in &used {
             let own = scatters[*c];
@@ -298,12 +300,13 @@ impl Noise {
             let s = taken(own.total_dof).of_reading();
             let t = taken(own.zero_dof()).of_zero(rules.min_dof_of_verdict);
             within[*c] = s.max(rounding(*c));
+            unrounded[*c] = crate::rounding::unrounded_repeats(s, channels[*c].resolution);
             is_zero_open[*c] = t.is_none();
             between[*c] = t.unwrap_or_else(|| s * declared_zero(observations, *c));
         }
         let dof = used.iter().map(|c| scatters[*c].total_dof).sum();
         let declared_share = declared_share(observations, [&within, &between]);
-        Ok(Self { source: NoiseSource::Repeats, within, between, dof, declared_share, is_zero_open })
+        Ok(Self { source: NoiseSource::Repeats, within, unrounded, between, dof, declared_share, is_zero_open })
     }
 
     /// As declared, whatever repeats show.
@@ -317,7 +320,7 @@ impl Noise {
 
     fn declared(observations: &Observations, used: &[usize]) -> Result<Self, UnknownNoise> {
         let channels = &observations.channels;
-        let (mut within, mut between) = (vec![0.0; channels.len()], vec![0.0; channels.len()]);
+        let [mut within, mut unrounded, mut between] = [(); 3].map(|()| vec![0.0; channels.len()]);
         for c in used {
             let rows: Vec<_> = observations.readings.iter().filter(|r| r.observed[*c].is_some()).collect();
             let declared: Vec<(f64, f64)> = rows.iter().filter_map(|r| r.declared(*c, channels[*c].kind)).collect();
@@ -328,11 +331,14 @@ impl Noise {
             let mean_square = declared.iter().map(|d| d.0 * d.0).sum::<f64>() / n;
             let floor = channels[*c].resolution / 12.0_f64.sqrt();
             within[*c] = mean_square.sqrt().max(floor);
+            // less than rounding alone scatters by is declared without it
+            let before = if mean_square < floor * floor { mean_square } else { mean_square - floor * floor };
+            unrounded[*c] = before.sqrt();
             between[*c] = (declared.iter().map(|d| d.1 * d.1).sum::<f64>() / n).sqrt();
         }
         let is_zero_open = vec![false; channels.len()];
         let (source, declared_share) = (NoiseSource::Declared, [1.0; 2]);
-        Ok(Self { source, within, between, dof: 0.0, declared_share, is_zero_open })
+        Ok(Self { source, within, unrounded, between, dof: 0.0, declared_share, is_zero_open })
     }
 
     /// Standard deviation of one reading within its series: the one declared for it where that is the noise's source, no less

@@ -7,7 +7,7 @@ use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::levels;
 use crate::noise::Noise;
-use crate::observations::Observations;
+use crate::observations::{Channel, Observations};
 use crate::robust::{deviation_by_median, upper_median};
 use crate::rules::Rules;
 use crate::search::Search;
@@ -18,6 +18,8 @@ use crate::whitening::Whitener;
 pub struct Residuals {
     /// By reading and channel, each in its own noise; 0 where nothing was read.
     pub by_reading: Vec<Vec<f64>>,
+    /// By channel, the deviation of rounding, likewise.
+    rounding: Vec<f64>,
     /// Squared, beyond what noise brings.
     excess: f64,
 }
@@ -66,12 +68,17 @@ impl Residuals {
         for (e, r) in whitener.entries.iter().zip(left.iter()) {
             by_reading[e.readings[0]][e.channel] = *r;
         }
-        Some(Self { by_reading, excess: (left.norm_squared() - left.len() as f64).max(0.0) })
+        let rounding = |(c, channel): (usize, &Channel)| match noise.within[c] {
+            within if within > 0.0 => channel.resolution / 12.0_f64.sqrt() / within,
+            _ => 0.0,
+        };
+        let rounding = observations.channels.iter().enumerate().map(rounding).collect();
+        Some(Self { by_reading, rounding, excess: (left.norm_squared() - left.len() as f64).max(0.0) })
     }
 
     /// Scalar observations that stand out of the residuals of their channel, the worst first.
     pub fn outliers(&self, observations: &Observations, rules: &Rules) -> Vec<Outlier> {
-        outliers(observations, &self.by_reading, rules)
+        outliers(observations, &self.by_reading, &self.rounding, rules)
     }
 
     /// How much of the misfit goes with a factor.
@@ -94,8 +101,8 @@ impl Residuals {
     }
 }
 
-/// See [`Residuals::outliers`]; `residuals` are by reading and channel.
-pub fn outliers(observations: &Observations, residuals: &[Vec<f64>], rules: &Rules) -> Vec<Outlier> {
+/// See [`Residuals::outliers`]; `residuals` are by reading and channel, `least` is what these scatter by at least.
+fn outliers(observations: &Observations, residuals: &[Vec<f64>], least: &[f64], rules: &Rules) -> Vec<Outlier> {
     let readings = &observations.readings;
     let mut found = Vec::new();
     for channel in 0..observations.channels.len() {
@@ -103,7 +110,7 @@ pub fn outliers(observations: &Observations, residuals: &[Vec<f64>], rules: &Rul
             .filter_map(|(n, (r, left))| r.observed[channel].map(|_| (n, left[channel].abs())))
             .collect();
         let mut sizes: Vec<f64> = read.iter().map(|r| r.1).collect();
-        let scale = upper_median(&mut sizes).map(deviation_by_median);
+        let scale = upper_median(&mut sizes).map(|size| deviation_by_median(size).max(least[channel]));
         let Some(scale) = scale.filter(|s| *s > 0.0) else { continue };
         // where a repeat of it errs as well, it is the model or the load that errs
         let alone = |n: usize| {

@@ -161,7 +161,8 @@ pub(crate) fn predict(machine: &Machine, runs: &[&Run]) -> Result<Prediction, No
     let unit = vec![1.0; CONDITIONS];
     let noise = Noise {
         source: NoiseSource::Declared,
-        within: unit,
+        within: unit.clone(),
+        unrounded: unit,
         between: vec![0.0; CONDITIONS],
         dof: 0.0,
         declared_share: [1.0; 2],

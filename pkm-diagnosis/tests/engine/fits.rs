@@ -257,6 +257,19 @@ fn common_errors_move_all_readings_of_a_group() {
         for fit in [problem.linear(&unknowns(2), x.clone()), problem.relevel(&unlevelled)] {
             near(fit.unwrap().ln_evidence(), ln_likelihood(&c, &r0), 1e-5);
         }
+        // readings are expected with the common errors that they most likely have
+        let common = &u * u.transpose();
+        let likely = &common * (DMatrix::identity(n, n) + &common).lu().solve(&unlevelled.residuals).unwrap();
+        let alone = model.predict(&unknowns(2), x.as_slice()).unwrap();
+        let expected = levels.expected(&unlevelled, level).unwrap();
+        let beyond: Vec<f64> = whitener
+            .entries
+            .iter()
+            .map(|e| e.condition * CHANNELS + e.channel)
+            .map(|at| (expected[at] - alone[at]) / s)
+            .collect();
+        assert!(likely.amax() > 0.1);
+        close(&beyond, likely.as_slice(), 1e-6);
     }
 
     // and disturbances of all readings beside them

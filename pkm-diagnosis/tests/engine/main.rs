@@ -6,6 +6,7 @@ mod drift;
 mod fits;
 mod noise;
 mod places;
+mod rounding;
 mod screening;
 mod spring_chain;
 mod support;

@@ -250,6 +250,7 @@ pub fn noises() -> [Noise; 2] {
     let noise = |source, between: [f64; CHANNELS]| Noise {
         source,
         within: within.to_vec(),
+        unrounded: within.to_vec(),
         between: between.to_vec(),
         dof: 0.0,
         declared_share: if source == NoiseSource::Declared { [1.0; 2] } else { [0.8, 0.5] },

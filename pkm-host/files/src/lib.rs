@@ -29,6 +29,7 @@ pub mod reflectors;
 pub mod results;
 pub mod solid;
 pub mod source;
+mod steps;
 pub mod table;
 pub mod table_numbers;
 mod toml_error;

@@ -15,6 +15,7 @@ use crate::machine::MachineFile;
 use crate::measured::{LoadCase, Measured};
 use crate::pose::{NamedPose, ROTATION_ARM_M};
 use crate::source::Source;
+use crate::steps::steps;
 use crate::warmth::{Warmth, Zeros};
 
 /// Channels: three translations, three rotations, and the displacement along a gauge.
@@ -110,7 +111,7 @@ pub struct Readings {
     pub readings: Vec<Reading>,
     /// Names of the series; empty for a row on its own.
     pub series_names: Vec<String>,
-    /// Least step of each channel's numbers as written, m and rad.
+    /// Step in which each channel's numbers are read, m and rad: that of the last digit written, or of a coarser dial.
     pub resolution: [f64; CHANNELS],
     /// Whether the file has temperatures.
     pub has_temperature: bool,
@@ -334,7 +335,8 @@ impl Readings {
                 load_random: own_random,
             });
         }
-        let resolution = digits.map(|d| 1e-6 * 10_f64.powi(-(d.min(12) as i32)));
+        let written = digits.map(|d| 1e-6 * 10_f64.powi(-(d.min(12) as i32)));
+        let resolution = steps(&readings, written);
         Ok(Self {
             source: sheet.source.clone(),
             poses,

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use pkm_diagnosis::robust::upper_median;
 use pkm_diagnosis::verdict::LackOfFit;
-use pkm_diagnosis::{Noise, NoiseSource, Rules};
+use pkm_diagnosis::{Noise, NoiseSource, Observations, Rules, rounding};
+use serde::Serialize;
 
 use super::reading_rules::{
     MAX_SPREAD_RATIO, MIN_CONSTANT_READINGS, MIN_NUMBERS_OF_DECLARED_NOISE, MIN_SHARE_OF_DECLARED_VARIANCE,
@@ -37,15 +38,48 @@ pub fn of_noise(noise: &Noise, rules: &Rules) -> Option<Warning> {
         )))
 }
 
+/// A column that is read in steps which are coarse beside its noise.
+#[derive(Clone, Copy, Debug, Serialize)]
+pub struct Coarse {
+    /// Which.
+    pub column: &'static str,
+    /// µm or µrad.
+    pub step: f64,
+    /// What its readings scatter by before they are rounded, likewise.
+    pub noise: f64,
+}
+
+/// All of them.
+pub fn coarse(read: &Observations, noise: &Noise) -> Vec<Coarse> {
+    // as it is written, 10 and not 9.999999999999998
+    let micro = |si: f64| (1e12 * si).round() / 1e6;
+    let of = |(c, _): (usize, f64)| Coarse {
+        column: READ_COLUMNS[c],
+        step: micro(read.channels[c].resolution),
+        noise: micro(noise.unrounded[c]),
+    };
+    rounding::coarse(read, noise).into_iter().map(of).collect()
+}
+
 /// Of repeats that are equal to the last digit, as far as they were written: copied rows are no repeats.
 pub fn of_copies(noise: &Noise, readings: &Readings) -> Option<Warning> {
     let is_used = readings.channels();
     let mut used = (0..CHANNELS).filter(|c| is_used[*c]);
     let is_rounding = |c: usize| noise.within[c] <= READ_ROUNDING * readings.resolution[c];
-    let all = noise.source == NoiseSource::Repeats && used.all(is_rounding);
+    let all = noise.source == NoiseSource::Repeats && used.all(is_rounding) && !differ(readings);
     all.then(|| Warning::new(WarningKind::EqualRepeats, "repeats are equal to the last digit, so that the noise is taken for that of rounding: were rows copied? What is read again \
                   differs"
             .into()))
+}
+
+/// Whether a repeat is a step off the first of its load, as those of a coarse dial are at times.
+fn differ(readings: &Readings) -> bool {
+    let mut first: BTreeMap<usize, [Option<f64>; CHANNELS]> = BTreeMap::new();
+    readings.readings.iter().any(|r| {
+        let first = first.entry(r.repeat_of).or_insert(r.observed);
+        let is_off = |c: usize| Some((r.observed[c]? - first[c]?).abs() > 0.5 * readings.resolution[c]);
+        (0..CHANNELS).any(|c| is_off(c) == Some(true))
+    })
 }
 
 /// Of a declared noise of which a fit leaves far less: it is not that of the readings.

@@ -184,8 +184,8 @@ pub fn cross_validate(
         let kept = readings.without(|r| is_left_out(readings.conditions[r.condition].pose));
         let read = experiment::observations(&kept, start.model);
         let found = start.search(&kept, &read, |found| {
-            let Found { experiment, levels, search, reidentified, sites, .. } = found;
-            let search = inference::settled(levels, start.noise, sites, search)?;
+            let Found { experiment, levels, noise, search, reidentified, sites, .. } = found;
+            let search = inference::settled(levels, noise, sites, search)?;
             let problem = &levels.problems[search.levels[1]];
             let fitted = Fitted::new(problem, experiment, &extent(&kept), &search, reidentified)?;
             let said = fitted.predict(experiment.model, &experiment.poses, &readings.conditions, true)?;

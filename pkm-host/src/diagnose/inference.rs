@@ -1,7 +1,9 @@
 //! The search for what the model lacks, in all readings or in those that a fold of a cross-validation keeps.
 
 use pkm_diagnosis::places::{Inferred, NOWHERE};
-use pkm_diagnosis::{Fit, Levels, Noise, Observations, Problem, Rules, Search, Whitener, levels, search, verdict};
+use pkm_diagnosis::{
+    Fit, ForwardModel, Levels, Noise, Observations, Problem, Rules, Search, Whitener, levels, rounding, search, verdict,
+};
 
 use super::Method;
 use super::experiment::Experiment;
@@ -24,12 +26,17 @@ pub struct Start<'a> {
     pub rules: &'a Rules,
 }
 
+/// Fits of stiffnesses to what readings in coarse steps say near the last ones.
+const REFITS: usize = 10;
+
 /// Where a search ended.
 pub struct Found<'a> {
     /// With what blocks found among the candidates of its model.
     pub experiment: &'a Experiment<'a>,
     /// Beside disturbances of the readings, if any were found.
     pub levels: &'a Levels<'a>,
+    /// Of what was searched.
+    pub noise: &'a Noise,
     /// What was tried and found.
     pub search: Search,
     /// Re-identified stiffnesses and nothing else, from readings as they are, where those of `search` are beside disturbances.
@@ -41,16 +48,53 @@ pub struct Found<'a> {
 }
 
 impl Start<'_> {
-    /// Searches some readings; `then` makes of it what outlives the search. `None` where a fit does not converge.
+    /// Searches some readings; `then` makes of it what outlives the search. `None` where a fit does not converge. Of what was read in coarse
+    /// steps that is searched which says the same near re-identified stiffnesses, and then near what was found so.
     pub fn search<R>(&self, readings: &Readings, read: &Observations, then: impl FnOnce(Found<'_>) -> R) -> Option<R> {
-        let whitener = Whitener::new(read, self.noise);
+        let Some(first) = self.near_stiffnesses(readings, read) else {
+            return self.once(readings, read, self.noise, then);
+        };
+        let of_found = |found: Found<'_>| found.levels.expected(&found.search.fit, found.search.levels[1]);
+        let said = self.once(readings, &first.0, &first.1, of_found)??;
+        let (read, noise) = rounding::unrounded(read, self.noise, &said)?;
+        self.once(readings, &read, &noise, then)
+    }
+
+    /// What readings in coarse steps say near the stiffnesses that are re-identified by it. `None` where none are, or a fit does not
+    /// converge.
+    fn near_stiffnesses(&self, readings: &Readings, read: &Observations) -> Option<(Observations, Noise)> {
+        let experiment = Experiment::new(self.model, readings);
+        let declared = experiment.declared();
+        let (mut x, mut level) = (vec![0.0; declared.len()], 0);
+        let mut first = rounding::unrounded(read, self.noise, &experiment.predict(&declared, &x)?)?;
+        for _ in 0..REFITS {
+            let whitener = Whitener::new(&first.0, &first.1);
+            let plain = Problem::new(&first.0, &whitener, &experiment, self.rules);
+            let whiteners = levels::whiteners(&plain);
+            let levels = Levels::new(&plain, &whiteners);
+            let (at, fit) = levels.fit(&declared, &x, level)?;
+            first = rounding::unrounded(read, self.noise, &levels.expected(&fit, at)?)?;
+            (x, level) = (fit.x.as_slice().to_vec(), at);
+        }
+        Some(first)
+    }
+
+    /// Searches observations as they are.
+    fn once<R>(
+        &self,
+        readings: &Readings,
+        read: &Observations,
+        noise: &Noise,
+        then: impl FnOnce(Found<'_>) -> R,
+    ) -> Option<R> {
+        let whitener = Whitener::new(read, noise);
         let experiment = Experiment::new(self.model, readings);
         let plain = Problem::new(read, &whitener, &experiment, self.rules);
         let whiteners = levels::whiteners(&plain);
         let levels = Levels::new(&plain, &whiteners);
         let inferred = match self.method {
             Method::Formulas => None,
-            Method::Places => Some(places::infer(&levels, self.noise, self.model, readings)?),
+            Method::Places => Some(places::infer(&levels, noise, self.model, readings)?),
         };
         // what a block found is a candidate with the block's own directions
         let mut model = self.model.clone();
@@ -74,13 +118,21 @@ impl Start<'_> {
         // a fit that fails beside disturbances stays what it is without them
         let (levels, search, reidentified) = match beside {
             Some((beside, found)) => {
-                let reidentified = verdict::settled_fit(&levels, self.noise, search.base, search.levels[0], false)?;
+                let reidentified = verdict::settled_fit(&levels, noise, search.base, search.levels[0], false)?;
                 (beside, found, Some(reidentified))
             }
             None => (levels, search, None),
         };
         let inferred = inferred.as_ref();
-        Some(then(Found { experiment: &experiment, levels: &levels, search, reidentified, sites: &sites, inferred }))
+        Some(then(Found {
+            experiment: &experiment,
+            levels: &levels,
+            noise,
+            search,
+            reidentified,
+            sites: &sites,
+            inferred,
+        }))
     }
 }
 

@@ -53,6 +53,7 @@ use pkm_diagnosis::{Noise, Observations, Search, search};
 pub use pkm_diagnosis::{Rules, SEED, verdict::Verdict};
 
 use self::checks::Suspect;
+use self::checks_of_noise::Coarse;
 use self::compare::{Errors, Fitted, Predictions, Rival};
 pub use self::effects::{ELEMENT, Effect};
 use self::effects::{alternatives, effects};
@@ -95,6 +96,8 @@ pub struct Diagnosis {
     pub size: (usize, usize),
     /// Of the readings.
     pub noise: Noise,
+    /// Columns that are read in coarse steps.
+    pub coarse: Vec<Coarse>,
     /// What was tried and found.
     pub search: Search,
     /// Relative error of the loads beyond the declared one, as the readings suggest.
@@ -271,12 +274,12 @@ impl Searched<'_> {
     fn judged(self, progress: &Progress<'_>) -> Result<Diagnosis> {
         let step = |done: u64, what: &str| progress(what, done, STEPS);
         let Self { file, given, readings, held_out, read, left_out, start, found, mut warnings } = self;
-        let Found { experiment, levels, search, reidentified, sites, inferred } = found;
+        let Found { experiment, levels, noise: its_noise, search, reidentified, sites, inferred } = found;
         let (model, rules, noise) = (experiment.model, start.rules, start.noise);
         let not_converged = || not_converged(readings, &warnings);
-        let mut judgement = verdict::judge(levels, noise, &search).ok_or_else(not_converged)?;
+        let mut judgement = verdict::judge(levels, its_noise, &search).ok_or_else(not_converged)?;
         let sites = &inference::borne_out(sites, &search, judgement.after.p > rules.max_misfit_p, rules);
-        let search = inference::settled(levels, noise, sites, search).ok_or_else(not_converged)?;
+        let search = inference::settled(levels, its_noise, sites, search).ok_or_else(not_converged)?;
         let mut effects = effects(model, &search, sites);
         let mut is_law_open = false;
         for effect in effects.iter_mut().filter(|e| e.is_located() && !e.is_measurement()) {
@@ -306,7 +309,7 @@ impl Searched<'_> {
         step(3, "what to measure next");
         let rivals = pkm_diagnosis::design::rivals(levels, &search);
         let proposals = design::propose(model, readings, noise, file, &rivals, rules);
-        let residuals = Residuals::new(problem, noise, &search).ok_or_else(not_converged)?;
+        let residuals = Residuals::new(problem, its_noise, &search).ok_or_else(not_converged)?;
         let structure = findings::residual_structure(readings, read, &residuals);
         let mut suspects = checks::suspects(given, &left_out.gross, own.of(Rival::After), true);
         suspects.extend(checks::suspects(readings, &residuals.outliers(read, rules), own.of(Rival::After), false));
@@ -332,6 +335,7 @@ impl Searched<'_> {
             estimates: Estimates::new(model, &search.fit, noise, middle(file)),
             load_error: levels.load_error(search.levels[1]),
             noise: noise.clone(),
+            coarse: checks_of_noise::coarse(read, noise),
             judgement,
             errors,
             held_out: held,

@@ -8,6 +8,7 @@ use pkm_diagnosis::NoiseSource;
 
 use super::advice::{distinct, next_step};
 use super::badges::{Badge, Grade, doubted_loads};
+use super::checks_of_noise::Coarse;
 use super::compare::{Errors, RIVALS, Rival, of};
 use super::findings::DeclaredFinding;
 use super::{Diagnosis, ELEMENT, Effect, HeldOut, SEED, Verdict, condition, readings_table, residual_plots, text};
@@ -238,6 +239,18 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
     if !hidden.is_empty() {
         let hidden = hidden.join(", ");
         all.push(Finding::good(format!("Not identifiable with these readings at any plausible size: {hidden}.")));
+    }
+    if !d.coarse.is_empty() {
+        let of = |c: &Coarse| {
+            let unit = if c.column.ends_with("_um") { "µm" } else { "µrad" };
+            format!("{} by {} {unit}, noise {:.1}", c.column, c.step, c.noise)
+        };
+        let columns: Vec<String> = d.coarse.iter().map(of).collect();
+        all.push(Finding::good(format!(
+            "Read in steps that are coarse beside the noise: {}. Such a number is taken for any within its step, and what is less than \
+             a step may stay unseen: a finer instrument shows more.",
+            columns.join("; ")
+        )));
     }
     if !d.single_poses {
         all.push(Finding::good(format!("Not looked for: {}.", text::SINGLE_POSES)));

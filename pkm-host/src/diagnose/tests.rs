@@ -137,6 +137,7 @@ pub(super) fn even(s: f64) -> Noise {
     Noise {
         source: NoiseSource::Repeats,
         within: vec![s; CHANNELS],
+        unrounded: vec![s; CHANNELS],
         between: vec![0.0; CHANNELS],
         dof: 0.0,
         declared_share: [1.0; 2],

@@ -1,0 +1,120 @@
+//! Numbers that are read in steps coarser than they scatter. Repeats are rounded alike, so that their mean is no surer than one of them,
+//! and what is lost of a number depends on the number. What such a number says is that it lies within its step.
+
+use std::collections::BTreeMap;
+use std::f64::consts::PI;
+
+use statrs::distribution::{Continuous, ContinuousCDF, Normal};
+
+use crate::noise::Noise;
+use crate::observations::Observations;
+
+/// Terms of a Fourier series, which are less than 1/k²; bisections of its inverse.
+const TERMS: i32 = 50;
+const BISECTIONS: usize = 40;
+
+/// Scatter from which on rounding is but noise, in steps.
+const MAX_SCATTER: f64 = 0.35;
+
+/// Least scatter that is reckoned with, in steps: repeats that never differ do not tell it.
+const MIN_SCATTER: f64 = 0.02;
+
+/// Points that an integral over a step and what is beside it is a sum of, and the width beside it in standard deviations.
+const POINTS: usize = 400;
+const BESIDE: f64 = 6.0;
+
+/// Least probability of a step that its logarithm's slope is taken of.
+const MIN_PROBABILITY: f64 = 1e-9;
+
+/// Variance of rounded numbers that scatter by `sd` about one place, averaged over places, all in steps: a step's own less that of what
+/// all are rounded by alike, a sawtooth of the place, averaged over normal scatter (its Fourier series).
+fn variance_when_rounded(sd: f64) -> f64 {
+    let alike = |k: i32| {
+        let wave = 2.0 * PI * f64::from(k);
+        2.0 * (-(wave * sd).powi(2)).exp() / wave.powi(2)
+    };
+    sd * sd + 1.0 / 12.0 - (1..=TERMS).map(alike).sum::<f64>()
+}
+
+/// Deviation of repeats before they are rounded to a step, by that after it.
+pub(crate) fn unrounded_repeats(sd: f64, step: f64) -> f64 {
+    let rounded = (sd / step).powi(2);
+    let (mut low, mut high) = (0.0, sd / step);
+    for _ in 0..BISECTIONS {
+        let middle = 0.5 * (low + high);
+        *if variance_when_rounded(middle) < rounded { &mut low } else { &mut high } = middle;
+    }
+    step * high
+}
+
+/// Slope of the logarithm of the probability that a number rounds to 0 over the place about which it scatters by `sd`, all in steps.
+/// `None` where it is too far off.
+fn slope(place: f64, sd: f64) -> Option<f64> {
+    let law = Normal::new(place, sd).ok()?;
+    let probability = law.cdf(0.5) - law.cdf(-0.5);
+    (probability > MIN_PROBABILITY).then(|| (law.pdf(-0.5) - law.pdf(0.5)) / probability)
+}
+
+/// What a rounded number tells of the place about which it scatters by `sd`, averaged over places: one over a variance (Fisher
+/// information), all in steps.
+fn information(sd: f64) -> f64 {
+    let width = 1.0 + 2.0 * BESIDE * sd;
+    let at = |n: usize| width * ((n as f64 + 0.5) / POINTS as f64 - 0.5);
+    let of = |place: f64| -> Option<f64> {
+        let law = Normal::new(place, sd).ok()?;
+        Some((law.cdf(0.5) - law.cdf(-0.5)) * slope(place, sd)?.powi(2))
+    };
+    (0..POINTS).filter_map(|n| of(at(n))).sum::<f64>() * width / POINTS as f64
+}
+
+/// Channels that are read in steps coarser than they scatter, and by how much they do before they are rounded, in steps.
+pub fn coarse(observations: &Observations, noise: &Noise) -> Vec<(usize, f64)> {
+    let steps = observations.channels.iter().map(|c| c.resolution);
+    let scatters = noise.unrounded.iter().zip(steps).map(|(sd, step)| sd / step).enumerate();
+    let coarse = scatters.filter(|(c, sd)| noise.within[*c] > 0.0 && *sd < MAX_SCATTER);
+    coarse.map(|(c, sd)| (c, sd.max(MIN_SCATTER))).collect()
+}
+
+/// Observations and noise that say of a model near one that gives `said`, by condition and channel, what the rounded ones do: a number is off
+/// that by the slope of its probability, as a normal one would be, but by no more than it was read off it, or a step. `None` where nothing
+/// is read in coarse steps.
+pub fn unrounded(observations: &Observations, noise: &Noise, said: &[f64]) -> Option<(Observations, Noise)> {
+    let channels = observations.channels.len();
+    let step = |c: usize| observations.channels[c].resolution;
+    let coarse = coarse(observations, noise);
+    if coarse.is_empty() {
+        return None;
+    }
+    let (mut normal, mut its_noise) = (observations.clone(), noise.clone());
+    for (c, sd) in coarse {
+        let variance = 1.0 / information(sd);
+        let zeros = zeros(observations, noise, said, c);
+        for r in &mut normal.readings {
+            let expected = said[r.condition * channels + c] + zeros.get(&r.series).copied().unwrap_or(0.0);
+            let off = |read: f64| {
+                let whole = (read - expected) / step(c);
+                let by_slope = slope(-whole, sd).map_or(f64::INFINITY, |slope| slope.abs() * variance);
+                whole.signum() * whole.abs().max(1.0).min(by_slope)
+            };
+            r.observed[c] = r.observed[c].map(|read| expected + step(c) * off(read));
+        }
+        its_noise.within[c] = step(c) * variance.sqrt();
+        // no declared deviation counts for less
+        normal.channels[c].resolution = its_noise.within[c] * 12.0_f64.sqrt();
+    }
+    Some((normal, its_noise))
+}
+
+/// Zero of each series in a channel, shrunk by what is known of zeros.
+fn zeros(observations: &Observations, noise: &Noise, said: &[f64], channel: usize) -> BTreeMap<usize, f64> {
+    let mut sums: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
+    for r in &observations.readings {
+        if let Some(read) = r.observed[channel] {
+            let sum = sums.entry(r.series).or_default();
+            sum.0 += read - said[r.condition * observations.channels.len() + channel];
+            sum.1 += 1.0;
+        }
+    }
+    let [own, zero] = [noise.within[channel].powi(2), noise.between[channel].powi(2)];
+    sums.into_iter().map(|(series, (sum, count))| (series, sum * zero / (own + count * zero))).collect()
+}
