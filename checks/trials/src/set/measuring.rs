@@ -169,3 +169,13 @@ pub(super) fn noise(rows: &[Row], readings: &mut [Vector6<f64>], rng: &mut Rando
         }
     }
 }
+
+/// Readings in steps, as a dial has them; of rotations, µrad, five times as coarse ones.
+pub(super) fn round(readings: &mut [Vector6<f64>], step_um: f64) {
+    for reading in readings {
+        for (i, v) in reading.iter_mut().enumerate() {
+            let step = 1e-6 * step_um * if i < 3 { 1.0 } else { 5.0 };
+            *v = (*v / step).round() * step;
+        }
+    }
+}

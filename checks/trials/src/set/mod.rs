@@ -11,7 +11,7 @@ use std::path::Path;
 use nalgebra::{DVector, Vector6};
 use serde_json::{Value, json};
 
-use self::measuring::{HeldOut, LAYOUTS, held_out, layouts_for, misaim, noise, plan, pose_in};
+use self::measuring::{HeldOut, LAYOUTS, held_out, layouts_for, misaim, noise, plan, pose_in, round};
 use self::tuning::{Tuning, whitened};
 use crate::Random;
 use crate::effects::{self, Effect, LISTED, Needs, OUTSIDE, Spec};
@@ -74,6 +74,9 @@ pub struct Wish {
     /// Measure at this many poses, instead of a random number
     #[arg(long)]
     pub poses: Option<usize>,
+    /// Read in steps of so many micrometres, and of five times as many microradians
+    #[arg(long)]
+    pub step_um: Option<f64>,
 }
 
 /// Relative scatter of declared stiffnesses.
@@ -191,6 +194,9 @@ impl Set {
         }
         set.readings = set.world.deflections(&set.poses, &set.rows, true);
         noise(&set.rows, &mut set.readings, rng);
+        if let Some(step_um) = wish.step_um {
+            round(&mut set.readings, step_um);
+        }
         set.many_held = held_out(rng, &set.declared, angle, !levels.moment.is_empty(), temperature, 12);
         for held in [&mut set.held, &mut set.many_held] {
             held.values = set.world.deflections(&held.poses, &held.rows, wish.sensed_heldout);
