@@ -214,6 +214,15 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
             if held.is_as_measured() { &with } else { "" }
         )));
     }
+    let unsaid = d.effects.iter().filter(|e| e.is_measurement() && e.parameters.is_empty());
+    let unsaid = distinct(unsaid.map(|e| text::error_of(&e.place, e.law)));
+    if !unsaid.is_empty() {
+        all.push(Finding::good(format!(
+            "An error of the {} has no formula, and is in no prediction: what was read with it errs by as much from every model, and least \
+             from stiffnesses that are re-identified to take up a part of it.",
+            unsaid.join(", of the ")
+        )));
+    }
     if let (false, Some(last)) = (held.given, d.steps.last()) {
         let sorted = |names: &[String]| names.iter().cloned().collect::<BTreeSet<_>>();
         let again = held.folds.iter().filter(|names| sorted(names) == sorted(&last.found)).count();
