@@ -6,6 +6,7 @@ use serde::Serialize;
 use statrs::distribution::{ChiSquared, ContinuousCDF};
 
 use crate::observations::{Observations, Reading};
+use crate::rounding;
 use crate::rules::Rules;
 
 /// Where the noise model comes from.
@@ -176,6 +177,9 @@ fn components(rows: &[Row]) -> usize {
     labels.len()
 }
 
+/// Most that copied rows scatter by, in steps: far less than repeats of which one in a hundred differs.
+const MAX_COPIED: f64 = 0.05;
+
 /// Least share of the plain variance that may be left when what readings draw is taken out: declared too large, it would leave none.
 const MIN_SHARE_LEFT: f64 = 1e-4;
 
@@ -284,9 +288,9 @@ impl Noise {
         let declared = observations.readings.iter().any(is_declared);
         let needed = if declared { rules.min_dof_beside_declared } else { rules.min_dof_of_kind };
         // the rounding of the file is noise as well
-        let rounding = |c: usize| channels[c].resolution / 12.0_f64.sqrt();
+        let least = |c: usize| channels[c].resolution / 12.0_f64.sqrt();
         // copied rows repeat nothing
-        let is_copied = |c: &usize| pools[channels[*c].kind].of_reading() <= rounding(*c);
+        let is_copied = |c: &usize| pools[channels[*c].kind].of_reading() <= MAX_COPIED * channels[*c].resolution;
         let is_known = used.iter().all(|c| pools[channels[*c].kind].total_dof >= needed);
         if !is_known || (declared && used.iter().all(is_copied)) {
             return Self::declared(observations, &used);
@@ -299,8 +303,9 @@ impl Noise {
             let taken = |freedom: f64| if freedom >= rules.min_dof_of_channel { own } else { pool };
             let s = taken(own.total_dof).of_reading();
             let t = taken(own.zero_dof()).of_zero(rules.min_dof_of_verdict);
-            within[*c] = s.max(rounding(*c));
-            unrounded[*c] = crate::rounding::unrounded_repeats(s, channels[*c].resolution);
+            within[*c] = s.max(least(*c));
+            let freedom = taken(own.total_dof).total_dof;
+            unrounded[*c] = rounding::of_repeats(s, freedom, channels[*c].resolution);
             is_zero_open[*c] = t.is_none();
             between[*c] = t.unwrap_or_else(|| s * declared_zero(observations, *c));
         }
@@ -331,9 +336,7 @@ impl Noise {
             let mean_square = declared.iter().map(|d| d.0 * d.0).sum::<f64>() / n;
             let floor = channels[*c].resolution / 12.0_f64.sqrt();
             within[*c] = mean_square.sqrt().max(floor);
-            // less than rounding alone scatters by is declared without it
-            let before = if mean_square < floor * floor { mean_square } else { mean_square - floor * floor };
-            unrounded[*c] = before.sqrt();
+            unrounded[*c] = rounding::of_declared(mean_square.sqrt(), channels[*c].resolution);
             between[*c] = (declared.iter().map(|d| d.1 * d.1).sum::<f64>() / n).sqrt();
         }
         let is_zero_open = vec![false; channels.len()];

@@ -9,7 +9,7 @@ use nalgebra::DMatrix;
 pub struct Channel {
     /// Channels of one kind have the same unit, and noise of about the same size.
     pub kind: usize,
-    /// Least step of the numbers as written, in SI units.
+    /// Step in which its numbers are read, in SI units.
     pub resolution: f64,
 }
 

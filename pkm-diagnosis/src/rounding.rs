@@ -16,8 +16,11 @@ const BISECTIONS: usize = 40;
 /// Scatter from which on rounding is but noise, in steps.
 const MAX_SCATTER: f64 = 0.35;
 
-/// Least scatter that is reckoned with, in steps: repeats that never differ do not tell it.
-const MIN_SCATTER: f64 = 0.02;
+/// Least scatter that is reckoned with, in steps.
+const MIN_SCATTER: f64 = 0.05;
+
+/// Scatter of repeats which, once rounded, scatter by a step/√12, in steps.
+const SCATTER_OF_ROUNDING: f64 = 0.1475;
 
 /// Points that an integral over a step and what is beside it is a sum of, and the width beside it in standard deviations.
 const POINTS: usize = 400;
@@ -36,15 +39,26 @@ fn variance_when_rounded(sd: f64) -> f64 {
     sd * sd + 1.0 / 12.0 - (1..=TERMS).map(alike).sum::<f64>()
 }
 
-/// Deviation of repeats before they are rounded to a step, by that after it.
-pub(crate) fn unrounded_repeats(sd: f64, step: f64) -> f64 {
-    let rounded = (sd / step).powi(2);
-    let (mut low, mut high) = (0.0, sd / step);
+/// Deviation of repeats before they are rounded to a step, by that after it, of so many degrees of freedom. One more pair than was seen
+/// is taken to differ, so that few repeats that never do are not taken for free of scatter.
+pub(crate) fn of_repeats(sd: f64, freedom: f64, step: f64) -> f64 {
+    if step <= 0.0 {
+        return sd;
+    }
+    let rounded = (sd / step).powi(2) + 0.5 / freedom.max(1.0);
+    let (mut low, mut high) = (0.0, rounded.sqrt());
     for _ in 0..BISECTIONS {
         let middle = 0.5 * (low + high);
         *if variance_when_rounded(middle) < rounded { &mut low } else { &mut high } = middle;
     }
     step * high
+}
+
+/// The same of a declared deviation. One that is less than repeats with that of rounding alone have is declared without rounding; beyond
+/// that it has rounding in it.
+pub(crate) fn of_declared(sd: f64, step: f64) -> f64 {
+    let without_rounding = (sd * sd - step * step / 12.0).max(0.0).sqrt();
+    sd.min(SCATTER_OF_ROUNDING * step).max(without_rounding)
 }
 
 /// Slope of the logarithm of the probability that a number rounds to 0 over the place about which it scatters by `sd`, all in steps.
@@ -69,14 +83,14 @@ fn information(sd: f64) -> f64 {
 
 /// Channels that are read in steps coarser than they scatter, and by how much they do before they are rounded, in steps.
 pub fn coarse(observations: &Observations, noise: &Noise) -> Vec<(usize, f64)> {
-    let steps = observations.channels.iter().map(|c| c.resolution);
-    let scatters = noise.unrounded.iter().zip(steps).map(|(sd, step)| sd / step).enumerate();
-    let coarse = scatters.filter(|(c, sd)| noise.within[*c] > 0.0 && *sd < MAX_SCATTER);
-    coarse.map(|(c, sd)| (c, sd.max(MIN_SCATTER))).collect()
+    let steps = observations.channels.iter().map(|c| c.resolution).enumerate();
+    let read = steps.filter(|(c, step)| noise.within[*c] > 0.0 && *step > 0.0);
+    let scatters = read.map(|(c, step)| (c, (noise.unrounded[c] / step).max(MIN_SCATTER)));
+    scatters.filter(|(_, sd)| *sd < MAX_SCATTER).collect()
 }
 
-/// Observations and noise that say of a model near one that gives `said`, by condition and channel, what the rounded ones do: a number is off
-/// that by the slope of its probability, as a normal one would be, but by no more than it was read off it, or a step. `None` where nothing
+/// Pseudo-observations, and their noise, that say of a model near one that gives `said`, by condition and channel, what the rounded ones do: a
+/// number is off that by the slope of its probability, as a normal one would be, but by no more than it was read off it, or a step. `None` where nothing
 /// is read in coarse steps.
 pub fn unrounded(observations: &Observations, noise: &Noise, said: &[f64]) -> Option<(Observations, Noise)> {
     let channels = observations.channels.len();
@@ -85,24 +99,24 @@ pub fn unrounded(observations: &Observations, noise: &Noise, said: &[f64]) -> Op
     if coarse.is_empty() {
         return None;
     }
-    let (mut normal, mut its_noise) = (observations.clone(), noise.clone());
+    let (mut pseudo, mut pseudo_noise) = (observations.clone(), noise.clone());
     for (c, sd) in coarse {
         let variance = 1.0 / information(sd);
         let zeros = zeros(observations, noise, said, c);
-        for r in &mut normal.readings {
+        for r in &mut pseudo.readings {
             let expected = said[r.condition * channels + c] + zeros.get(&r.series).copied().unwrap_or(0.0);
             let off = |read: f64| {
-                let whole = (read - expected) / step(c);
-                let by_slope = slope(-whole, sd).map_or(f64::INFINITY, |slope| slope.abs() * variance);
-                whole.signum() * whole.abs().max(1.0).min(by_slope)
+                let as_read = (read - expected) / step(c);
+                let by_slope = slope(-as_read, sd).map_or(f64::INFINITY, |slope| slope.abs() * variance);
+                as_read.signum() * as_read.abs().max(1.0).min(by_slope)
             };
             r.observed[c] = r.observed[c].map(|read| expected + step(c) * off(read));
         }
-        its_noise.within[c] = step(c) * variance.sqrt();
+        pseudo_noise.within[c] = step(c) * variance.sqrt();
         // no declared deviation counts for less
-        normal.channels[c].resolution = its_noise.within[c] * 12.0_f64.sqrt();
+        pseudo.channels[c].resolution = pseudo_noise.within[c] * 12.0_f64.sqrt();
     }
-    Some((normal, its_noise))
+    Some((pseudo, pseudo_noise))
 }
 
 /// Zero of each series in a channel, shrunk by what is known of zeros.

@@ -32,8 +32,6 @@ fn off(observations: &Observations, noise: &Noise, said: &[f64]) -> [f64; 2] {
     let count = all.len() as f64;
     let mean = all.iter().sum::<f64>() / count;
     let square = all.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
-    // no declared deviation counts for less
-    near(its_noise.within[0], normal.channels[0].resolution / 12.0_f64.sqrt(), 1e-12);
     [mean, square.sqrt() * STEP / its_noise.within[0]]
 }
 
@@ -86,6 +84,33 @@ fn numbers_lie_in_their_steps_where_the_zero_of_their_series_puts_them() {
     let (observations, said) = read(0.16, 0.3);
     let noise = Noise { between: vec![STEP; CHANNELS], ..estimated(&observations) };
     near(off(&observations, &noise, &said)[0], 0.3, 0.02);
-    // without one it is taken for the model's, of which the slope of what is far off says less
-    assert!(off(&observations, &Noise { between: vec![0.0; CHANNELS], ..noise }, &said)[0] > 0.0);
+}
+
+/// Few repeats that never differ are not free of scatter: of ten pairs that scatter by 0.05 steps more than half never differ.
+#[test]
+fn repeats_that_never_differ_tell_a_scatter_by_their_number() {
+    let unrounded = |pairs: usize| {
+        let (mut observations, _) = read(0.0, 0.0);
+        observations.readings.truncate(2 * pairs);
+        estimated(&observations).unrounded[0] / STEP
+    };
+    let [few, some, many] = [11, 101, 10_001].map(unrounded);
+    assert!((0.07..0.1).contains(&few) && (0.005..0.02).contains(&some) && many < 0.001, "{few} {some} {many}");
+}
+
+/// What is declared has rounding in it or has not; no deviation is taken for far less than a slightly smaller one.
+#[test]
+fn a_declared_deviation_is_one_before_rounding_or_after_it() {
+    let unrounded = |sd: f64| {
+        let (mut observations, _) = read(0.1, 0.0);
+        observations.readings.truncate(100);
+        observations.readings.iter_mut().for_each(|r| r.sigma = vec![Some(sd * STEP); 2]);
+        Noise::as_declared(&observations).unwrap().unrounded[0] / STEP
+    };
+    near(unrounded(0.05), 0.05, 1e-9);
+    near(unrounded(0.6), (0.36_f64 - 1.0 / 12.0).sqrt(), 1e-9);
+    let all: Vec<f64> = (1..60).map(|n| unrounded(0.01 * f64::from(n))).collect();
+    assert!(all.windows(2).all(|pair| pair[1] >= pair[0] && pair[1] < pair[0] + 0.06), "{all:?}");
+    // as much as rounding alone
+    assert!((0.14..0.16).contains(&unrounded(12.0_f64.sqrt().recip())));
 }

@@ -2,69 +2,135 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::readings::{CHANNELS, Reading};
+use super::readings::{CHANNELS, KINDS, Reading};
 
-/// Fewest numbers other than 0, each of another load, that tell a step: all of them are multiples of two steps by a chance of 2⁻¹².
+/// Fewest numbers other than 0, each of another load, and sizes of them, that tell a step.
 const MIN_LOADS: usize = 12;
+const MIN_SIZES: usize = 3;
 
-/// Least share of a channel's numbers that are multiples of its step: one that was mistyped is none.
+/// Least share of a channel's numbers other than 0 that are multiples of its step: one that was mistyped is none.
 const MIN_SHARE: f64 = 0.99;
 
 /// How far arithmetic may put a number off a multiple, as a share of the last digit that is written.
 const MAX_OFF: f64 = 0.01;
 
-/// The step of each channel, m and rad, of readings whose last digits are worth `written`.
+/// Commonest differences between neighbours that are looked at, and how many steps these may be.
+const COMMONEST: usize = 5;
+const MOST_STEPS: u32 = 4;
+
+/// The step of each channel, m and rad, of readings whose last digits are worth `written`. A channel that does not tell has that of another
+/// one of its kind, if its numbers are multiples of it.
 pub(super) fn steps(readings: &[Reading], written: [f64; CHANNELS]) -> [f64; CHANNELS] {
-    std::array::from_fn(|channel| {
-        let last_digit = written[channel];
-        let number = |r: &Reading| Some((r.repeat_of, r.observed[channel]? / last_digit));
-        last_digit * coarser(&readings.iter().filter_map(number).collect::<Vec<_>>()).unwrap_or(1.0)
+    let numbers: [Numbers; CHANNELS] = std::array::from_fn(|c| {
+        let number = |r: &Reading| Some((r.repeat_of, r.observed[c]? / written[c]));
+        Numbers::new(readings.iter().filter_map(number))
+    });
+    let own: [Option<f64>; CHANNELS] = std::array::from_fn(|c| Some(numbers[c].coarser()? * written[c]));
+    std::array::from_fn(|c| {
+        let of_kind = (0..CHANNELS).filter(|other| KINDS[*other] == KINDS[c]).filter_map(|other| own[other]);
+        let alike = || of_kind.filter(|step| numbers[c].are_multiples(step / written[c])).reduce(f64::max);
+        own[c].or_else(alike).unwrap_or(written[c])
     })
 }
 
-/// The step of numbers that are multiples of more than their last digit, in units of that. With each comes its load.
-fn coarser(numbers: &[(usize, f64)]) -> Option<f64> {
-    let loads: BTreeSet<usize> = numbers.iter().filter(|(_, v)| v.abs() > 0.5).map(|(load, _)| *load).collect();
-    let mut sizes: Vec<f64> = numbers.iter().map(|(_, v)| v.abs()).chain([0.0]).collect();
-    sizes.sort_by(f64::total_cmp);
-    let mut gaps: BTreeMap<u64, usize> = BTreeMap::new();
-    for gap in sizes.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.5) {
-        *gaps.entry((gap / MAX_OFF).round() as u64).or_default() += 1;
+/// Numbers of a channel in units of their last digit.
+struct Numbers {
+    /// Other than 0, in their order.
+    sizes: Vec<f64>,
+    loads: usize,
+}
+
+impl Numbers {
+    /// Of numbers with their loads.
+    fn new(numbers: impl Iterator<Item = (usize, f64)>) -> Self {
+        let (loads, mut sizes): (BTreeSet<usize>, Vec<f64>) =
+            numbers.map(|(load, v)| (load, v.abs())).filter(|(_, size)| *size > 0.5).unzip();
+        sizes.sort_by(f64::total_cmp);
+        Self { sizes, loads: loads.len() }
     }
-    // the commonest, of as common ones the least
-    let (usual, _) = gaps.into_iter().rev().max_by_key(|(_, count)| *count)?;
-    let step = usual as f64 * MAX_OFF;
-    let is_multiple = |size: &&f64| (*size - (*size / step).round() * step).abs() <= MAX_OFF;
-    let multiples = sizes.iter().filter(is_multiple).count();
-    // one number alone is no step
-    let differ = numbers.iter().any(|(_, v)| (v - numbers[0].1).abs() > 0.5);
-    let is_step =
-        differ && loads.len() >= MIN_LOADS && step > 1.5 && multiples as f64 >= MIN_SHARE * sizes.len() as f64;
-    is_step.then_some(step)
+
+    fn are_multiples(&self, step: f64) -> bool {
+        let is_multiple = |size: &&f64| (*size - (*size / step).round() * step).abs() <= MAX_OFF;
+        let multiples = self.sizes.iter().filter(is_multiple).count();
+        !self.sizes.is_empty() && multiples as f64 >= MIN_SHARE * self.sizes.len() as f64
+    }
+
+    /// The greatest step of more than a last digit that the numbers are multiples of.
+    fn coarser(&self) -> Option<f64> {
+        let gaps = self.sizes.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.5);
+        let mut counts: BTreeMap<u64, usize> = BTreeMap::new();
+        gaps.for_each(|gap| *counts.entry((gap / MAX_OFF).round() as u64).or_default() += 1);
+        if self.loads < MIN_LOADS || self.distinct() < MIN_SIZES {
+            return None;
+        }
+        let mut common: Vec<(u64, usize)> = counts.into_iter().collect();
+        common.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
+        let steps = common.into_iter().take(COMMONEST).map(|(gap, _)| gap as f64 * MAX_OFF);
+        let parts = steps.flat_map(|gap| (1..=MOST_STEPS).map(move |parts| gap / f64::from(parts)));
+        parts.filter(|step| *step > 1.5 && self.are_multiples(*step)).reduce(f64::max)
+    }
+
+    fn distinct(&self) -> usize {
+        1 + self.sizes.windows(2).filter(|pair| pair[1] - pair[0] > 0.5).count()
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn of(numbers: &[f64]) -> Option<f64> {
+        Numbers::new(numbers.iter().copied().enumerate()).coarser()
+    }
+
     #[test]
     fn a_step_is_what_all_numbers_but_mistyped_ones_are_multiples_of() {
-        let of = |numbers: &[f64]| coarser(&numbers.iter().copied().enumerate().collect::<Vec<_>>());
         let dial: Vec<f64> = (0..150).map(|n| 10.0 * f64::from((7 * n) % 23 - 11)).collect();
         assert_eq!(of(&dial), Some(10.0));
         // half a thousandth of an inch, in tenths of a micrometre
         assert_eq!(of(&dial.iter().map(|v| 12.7 * v).collect::<Vec<_>>()), Some(127.0));
         let mistyped = |others: usize| [&vec![9999.0; others][..], &dial].concat();
         assert_eq!((of(&mistyped(1)), of(&mistyped(40))), (Some(10.0), None));
-        // a quarter of the readings are odd
-        assert_eq!(
-            of(&dial.iter().enumerate().map(|(n, v)| v + f64::from(u8::from(n % 4 == 0))).collect::<Vec<_>>()),
-            None
-        );
+        let odd = |(n, v): (usize, &f64)| v + f64::from(u8::from(n % 4 == 0));
+        assert_eq!(of(&dial.iter().enumerate().map(odd).collect::<Vec<_>>()), None);
+        // few numbers, far apart
+        let far: Vec<f64> = (1..20).map(|n: i32| f64::from(n.pow(3) % 211) * 10.0).collect();
+        assert_eq!(of(&far), Some(10.0));
+    }
+
+    #[test]
+    fn few_numbers_tell_no_step() {
         // as many as tell it, and one less
         assert_eq!((of(&[10.0, 20.0, 40.0].repeat(4)), of(&[10.0, 20.0, 40.0].repeat(4)[1..])), (Some(10.0), None));
-        // a channel that is stuck; one load read again and again tells nothing of steps, and neither do numbers that are all 0
-        assert_eq!(coarser(&[(0, 10.0), (0, 20.0)].repeat(20)), None);
+        assert_eq!(of(&[-5.0, 5.0, 10.0].repeat(20)), None);
         assert_eq!((of(&[17.0; 50]), of(&[0.0; 50])), (None, None));
+        // one load read again and again; zeros that are multiples of anything
+        assert_eq!(Numbers::new([(0, 10.0), (0, 20.0), (0, 40.0)].repeat(20).into_iter()).coarser(), None);
+        let primes = [2.0, 3.0, 5.0, 7.0, 11.0, 13.0, 17.0, 19.0, 23.0, 29.0, 31.0, 37.0];
+        assert_eq!(of(&[&primes[..], &[0.0; 5000]].concat()), None);
+    }
+
+    #[test]
+    fn a_channel_that_does_not_tell_has_the_step_of_its_kind() {
+        let one = |n: usize| {
+            let mut observed = [None; CHANNELS];
+            observed[0] = Some(1e-6 * 10.0 * ((7 * n) % 23) as f64);
+            observed[1] = Some(if n == 3 { 20e-6 } else { 0.0 });
+            observed[2] = Some(if n == 3 { 21e-6 } else { 0.0 });
+            observed[3] = Some(if n == 3 { 20e-6 } else { 0.0 });
+            Reading {
+                line: 0,
+                condition: n,
+                repeat_of: n,
+                series: n,
+                observed,
+                sigma: [None; 2],
+                covariance: None,
+                load_random: None,
+            }
+        };
+        let found = steps(&(0..40).map(one).collect::<Vec<_>>(), [1e-6; CHANNELS]);
+        let in_digits = found.map(|step| (1e6 * step).round());
+        assert_eq!(in_digits, [10.0, 10.0, 1.0, 1.0, 1.0, 1.0, 1.0]);
     }
 }

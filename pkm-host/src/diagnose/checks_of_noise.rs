@@ -125,8 +125,11 @@ pub fn wide_repeats(readings: &Readings, left_out: &[(usize, usize)]) -> Vec<Wid
         };
         let spreads: Vec<(f64, Vec<(f64, u64)>)> =
             repeats.into_values().filter(|v| v.len() > 1).map(|v| (spread(&v), v)).collect();
-        let usual = upper_median(&mut spreads.iter().map(|s| s.0).collect::<Vec<f64>>());
-        let Some(usual) = usual.map(|usual| usual.max(readings.resolution[channel])) else { continue };
+        // of those that differ: of numbers in steps most do not
+        let mut differ: Vec<f64> = spreads.iter().map(|s| s.0).filter(|size| *size > 0.0).collect();
+        let Some(usual) = upper_median(&mut differ).map(|usual| usual.max(readings.resolution[channel])) else {
+            continue;
+        };
         let wide = spreads.into_iter().filter(|(size, _)| *size > MAX_SPREAD_RATIO * usual);
         all.extend(wide.map(|(size, values)| WideRepeats {
             channel,

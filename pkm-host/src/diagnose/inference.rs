@@ -48,35 +48,35 @@ pub struct Found<'a> {
 }
 
 impl Start<'_> {
-    /// Searches some readings; `then` makes of it what outlives the search. `None` where a fit does not converge. Of what was read in coarse
-    /// steps that is searched which says the same near re-identified stiffnesses, and then near what was found so.
+    /// Searches some readings; `then` makes of it what outlives the search. `None` where a fit does not converge. For readings in coarse
+    /// steps pseudo-observations stand in: first those near re-identified stiffnesses, then those near what was found in these.
     pub fn search<R>(&self, readings: &Readings, read: &Observations, then: impl FnOnce(Found<'_>) -> R) -> Option<R> {
-        let Some(first) = self.near_stiffnesses(readings, read) else {
+        if rounding::coarse(read, self.noise).is_empty() {
             return self.once(readings, read, self.noise, then);
-        };
+        }
+        let (first, noise) = self.near_stiffnesses(readings, read)?;
         let of_found = |found: Found<'_>| found.levels.expected(&found.search.fit, found.search.levels[1]);
-        let said = self.once(readings, &first.0, &first.1, of_found)??;
-        let (read, noise) = rounding::unrounded(read, self.noise, &said)?;
-        self.once(readings, &read, &noise, then)
+        let said = self.once(readings, &first, &noise, of_found)??;
+        let (second, noise) = rounding::unrounded(read, self.noise, &said)?;
+        self.once(readings, &second, &noise, then)
     }
 
-    /// What readings in coarse steps say near the stiffnesses that are re-identified by it. `None` where none are, or a fit does not
-    /// converge.
+    /// Pseudo-observations of readings in coarse steps near the stiffnesses that are re-identified by them.
     fn near_stiffnesses(&self, readings: &Readings, read: &Observations) -> Option<(Observations, Noise)> {
         let experiment = Experiment::new(self.model, readings);
         let declared = experiment.declared();
         let (mut x, mut level) = (vec![0.0; declared.len()], 0);
-        let mut first = rounding::unrounded(read, self.noise, &experiment.predict(&declared, &x)?)?;
+        let mut near = rounding::unrounded(read, self.noise, &experiment.predict(&declared, &x)?)?;
         for _ in 0..REFITS {
-            let whitener = Whitener::new(&first.0, &first.1);
-            let plain = Problem::new(&first.0, &whitener, &experiment, self.rules);
+            let whitener = Whitener::new(&near.0, &near.1);
+            let plain = Problem::new(&near.0, &whitener, &experiment, self.rules);
             let whiteners = levels::whiteners(&plain);
             let levels = Levels::new(&plain, &whiteners);
             let (at, fit) = levels.fit(&declared, &x, level)?;
-            first = rounding::unrounded(read, self.noise, &levels.expected(&fit, at)?)?;
+            near = rounding::unrounded(read, self.noise, &levels.expected(&fit, at)?)?;
             (x, level) = (fit.x.as_slice().to_vec(), at);
         }
-        Some(first)
+        Some(near)
     }
 
     /// Searches observations as they are.

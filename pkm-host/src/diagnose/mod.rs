@@ -308,7 +308,7 @@ impl Searched<'_> {
         }
         step(3, "what to measure next");
         let rivals = pkm_diagnosis::design::rivals(levels, &search);
-        let proposals = design::propose(model, readings, noise, file, &rivals, rules);
+        let proposals = design::propose(model, readings, its_noise, file, &rivals, rules);
         let residuals = Residuals::new(problem, its_noise, &search).ok_or_else(not_converged)?;
         let structure = findings::residual_structure(readings, read, &residuals);
         let mut suspects = checks::suspects(given, &left_out.gross, own.of(Rival::After), true);

@@ -11,7 +11,9 @@ use super::badges::{Badge, Grade, doubted_loads};
 use super::checks_of_noise::Coarse;
 use super::compare::{Errors, RIVALS, Rival, of};
 use super::findings::DeclaredFinding;
-use super::{Diagnosis, ELEMENT, Effect, HeldOut, SEED, Verdict, condition, readings_table, residual_plots, text};
+use super::{
+    Diagnosis, ELEMENT, Effect, HeldOut, SEED, Verdict, WarningKind, condition, readings_table, residual_plots, text,
+};
 use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, GAUGE, Readings};
@@ -218,8 +220,8 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
     let unsaid = distinct(unsaid.map(|e| text::error_of(&e.place, e.law)));
     if !unsaid.is_empty() {
         all.push(Finding::good(format!(
-            "An error of the {} has no formula, and is in no prediction: what was read with it errs by as much from every model, and least \
-             from stiffnesses that are re-identified to take up a part of it.",
+            "An error of the {} has no formula and is in no prediction of the identified model: readings that have it differ from that by it, \
+             while models that are fitted to such readings may take up a part of it.",
             unsaid.join(", of the ")
         )));
     }
@@ -249,7 +251,9 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
         let hidden = hidden.join(", ");
         all.push(Finding::good(format!("Not identifiable with these readings at any plausible size: {hidden}.")));
     }
-    if !d.coarse.is_empty() {
+    // what never differs does not say what its noise is
+    let is_noise_unknown = d.warnings.iter().any(|w| w.kind == WarningKind::EqualRepeats);
+    if !d.coarse.is_empty() && !is_noise_unknown {
         let of = |c: &Coarse| {
             let unit = if c.column.ends_with("_um") { "µm" } else { "µrad" };
             format!("{} by {} {unit}, noise {:.1}", c.column, c.step, c.noise)
