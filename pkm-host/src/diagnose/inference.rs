@@ -47,17 +47,29 @@ pub struct Found<'a> {
     pub inferred: Option<&'a (World, Inferred)>,
 }
 
+/// What is done with the end of a search.
+type Then<'a> = dyn FnMut(Found<'_>) + 'a;
+
 impl Start<'_> {
-    /// Searches some readings; `then` makes of it what outlives the search. `None` where a fit does not converge. For readings in coarse
-    /// steps pseudo-observations stand in: first those near re-identified stiffnesses, then those near what was found in these.
+    /// Searches some readings; `then` makes of it what outlives the search. `None` where a fit does not converge.
     pub fn search<R>(&self, readings: &Readings, read: &Observations, then: impl FnOnce(Found<'_>) -> R) -> Option<R> {
+        let (mut then, mut made) = (Some(then), None);
+        self.in_steps(readings, read, &mut |found| made = then.take().map(|then| then(found)))?;
+        made
+    }
+
+    /// Searches readings. For those in coarse steps pseudo-observations stand in: first those near re-identified stiffnesses, then those near
+    /// what was found in these.
+    fn in_steps(&self, readings: &Readings, read: &Observations, then: &mut Then<'_>) -> Option<()> {
         if rounding::coarse(read, self.noise).is_empty() {
             return self.once(readings, read, self.noise, then);
         }
         let (first, noise) = self.near_stiffnesses(readings, read)?;
-        let of_found = |found: Found<'_>| found.levels.expected(&found.search.fit, found.search.levels[1]);
-        let said = self.once(readings, &first, &noise, of_found)??;
-        let (second, noise) = rounding::unrounded(read, self.noise, &said)?;
+        let mut said = None;
+        self.once(readings, &first, &noise, &mut |found| {
+            said = found.levels.expected(&found.search.fit, found.search.levels[1]);
+        })?;
+        let (second, noise) = rounding::unrounded(read, self.noise, &said?)?;
         self.once(readings, &second, &noise, then)
     }
 
@@ -80,13 +92,7 @@ impl Start<'_> {
     }
 
     /// Searches observations as they are.
-    fn once<R>(
-        &self,
-        readings: &Readings,
-        read: &Observations,
-        noise: &Noise,
-        then: impl FnOnce(Found<'_>) -> R,
-    ) -> Option<R> {
+    fn once(&self, readings: &Readings, read: &Observations, noise: &Noise, then: &mut Then<'_>) -> Option<()> {
         let whitener = Whitener::new(read, noise);
         let experiment = Experiment::new(self.model, readings);
         let plain = Problem::new(read, &whitener, &experiment, self.rules);
@@ -124,15 +130,8 @@ impl Start<'_> {
             None => (levels, search, None),
         };
         let inferred = inferred.as_ref();
-        Some(then(Found {
-            experiment: &experiment,
-            levels: &levels,
-            noise,
-            search,
-            reidentified,
-            sites: &sites,
-            inferred,
-        }))
+        then(Found { experiment: &experiment, levels: &levels, noise, search, reidentified, sites: &sites, inferred });
+        Some(())
     }
 }
 
