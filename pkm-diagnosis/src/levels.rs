@@ -3,7 +3,7 @@
 use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
-use crate::fit::{Fit, ln_evidence, rows_and_products, squared};
+use crate::fit::{Fit, ln_evidence, product, rows_and_products, squared};
 use crate::model::{CommonErrors, Unknown};
 use crate::solve::Problem;
 use crate::whitening::Whitener;
@@ -70,18 +70,21 @@ impl<'a> Levels<'a> {
         let mut said = self.plain.model.predict(&fit.unknowns, x)?;
         let Some(errors) = self.plain.model.common_errors() else { return Some(said) };
         let (left, scale) = (self.plain.residuals(&fit.unknowns, x)?, scale(&errors, self.load_error(level)));
-        let channels = self.plain.observations.channels.len();
-        let mut likely = vec![DVector::zeros(scale.len()); errors.group_of.len()];
+        let (channels, count) = (self.plain.observations.channels.len(), scale.len());
+        let mut likely = vec![0.0; count * errors.group_of.len()];
         for (entries, mut u) in self.plain.common_groups(&errors) {
             u.column_iter_mut().zip(&scale).for_each(|(mut column, sd)| column *= *sd);
-            let own = DVector::from_iterator(entries.len(), entries.iter().map(|e| left[*e]));
-            let known = (u.tr_mul(&u) + DMatrix::identity(scale.len(), scale.len())).cholesky()?;
+            let mut towards = DVector::zeros(count);
+            for (row, e) in entries.iter().enumerate() {
+                towards.axpy(left[*e], &u.row(row).transpose(), 1.0);
+            }
+            let known = (product(&u, &u) + DMatrix::identity(count, count)).cholesky()?;
             let group = errors.group_of[self.plain.whitener.entries[entries[0]].condition];
-            likely[group] = known.solve(&u.tr_mul(&own)).component_mul(&DVector::from_column_slice(&scale));
+            likely[group * count..][..count].copy_from_slice(known.solve(&towards).as_slice());
         }
         for (n, said) in said.iter_mut().enumerate() {
-            let own = &likely[errors.group_of[n / channels]];
-            *said += errors.columns.iter().zip(own).map(|(column, likely)| column[n] * likely).sum::<f64>();
+            let own = &likely[errors.group_of[n / channels] * count..][..count];
+            *said += (0..count).map(|k| errors.columns[k][n] * scale[k] * own[k]).sum::<f64>();
         }
         Some(said)
     }

@@ -1,10 +1,7 @@
 //! Numbers that are read in steps coarser than they scatter. Repeats are rounded alike, so that their mean is no surer than one of them,
 //! and what is lost of a number depends on the number. What such a number says is that it lies within its step.
 
-use std::collections::BTreeMap;
-use std::f64::consts::PI;
-
-use statrs::distribution::{Continuous, ContinuousCDF, Normal};
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
 
 use crate::noise::Noise;
 use crate::observations::Observations;
@@ -16,7 +13,7 @@ const BISECTIONS: usize = 40;
 /// Scatter from which on rounding is but noise, in steps.
 const MAX_SCATTER: f64 = 0.35;
 
-/// Least scatter that is reckoned with, in steps.
+/// Least scatter that is reckoned with, in steps: a model is not surer than that of where in its step a number lies.
 const MIN_SCATTER: f64 = 0.05;
 
 /// Scatter of repeats which, once rounded, scatter by a step/√12, in steps.
@@ -61,12 +58,12 @@ pub(crate) fn of_declared(sd: f64, step: f64) -> f64 {
     sd.min(SCATTER_OF_ROUNDING * step).max(without_rounding)
 }
 
-/// Slope of the logarithm of the probability that a number rounds to 0 over the place about which it scatters by `sd`, all in steps.
-/// `None` where it is too far off.
-fn slope(place: f64, sd: f64) -> Option<f64> {
-    let law = Normal::new(place, sd).ok()?;
-    let probability = law.cdf(0.5) - law.cdf(-0.5);
-    (probability > MIN_PROBABILITY).then(|| (law.pdf(-0.5) - law.pdf(0.5)) / probability)
+/// Probability that a number rounds to 0 which scatters by `sd` about a place, and the slope of that over the place, all in steps.
+fn probability(place: f64, sd: f64) -> (f64, f64) {
+    let [low, high] = [-0.5, 0.5].map(|end: f64| (end - place) / sd);
+    let below = |z: f64| 0.5 * libm::erfc(-z * FRAC_1_SQRT_2);
+    let density = |z: f64| (-0.5 * z * z).exp() / (2.0 * PI).sqrt();
+    (below(high) - below(low), (density(low) - density(high)) / sd)
 }
 
 /// What a rounded number tells of the place about which it scatters by `sd`, averaged over places: one over a variance (Fisher
@@ -74,11 +71,8 @@ fn slope(place: f64, sd: f64) -> Option<f64> {
 fn information(sd: f64) -> f64 {
     let width = 1.0 + 2.0 * BESIDE * sd;
     let at = |n: usize| width * ((n as f64 + 0.5) / POINTS as f64 - 0.5);
-    let of = |place: f64| -> Option<f64> {
-        let law = Normal::new(place, sd).ok()?;
-        Some((law.cdf(0.5) - law.cdf(-0.5)) * slope(place, sd)?.powi(2))
-    };
-    (0..POINTS).filter_map(|n| of(at(n))).sum::<f64>() * width / POINTS as f64
+    let of = |(p, slope): (f64, f64)| if p > MIN_PROBABILITY { slope * slope / p } else { 0.0 };
+    (0..POINTS).map(|n| of(probability(at(n), sd))).sum::<f64>() * width / POINTS as f64
 }
 
 /// Channels that are read in steps coarser than they scatter, and by how much they do before they are rounded, in steps.
@@ -104,10 +98,11 @@ pub fn unrounded(observations: &Observations, noise: &Noise, said: &[f64]) -> Op
         let variance = 1.0 / information(sd);
         let zeros = zeros(observations, noise, said, c);
         for r in &mut pseudo.readings {
-            let expected = said[r.condition * channels + c] + zeros.get(&r.series).copied().unwrap_or(0.0);
+            let expected = said[r.condition * channels + c] + zeros[r.series];
             let off = |read: f64| {
                 let as_read = (read - expected) / step(c);
-                let by_slope = slope(-as_read, sd).map_or(f64::INFINITY, |slope| slope.abs() * variance);
+                let (p, slope) = probability(-as_read, sd);
+                let by_slope = if p > MIN_PROBABILITY { slope.abs() / p * variance } else { f64::INFINITY };
                 as_read.signum() * as_read.abs().max(1.0).min(by_slope)
             };
             r.observed[c] = r.observed[c].map(|read| expected + step(c) * off(read));
@@ -120,15 +115,15 @@ pub fn unrounded(observations: &Observations, noise: &Noise, said: &[f64]) -> Op
 }
 
 /// Zero of each series in a channel, shrunk by what is known of zeros.
-fn zeros(observations: &Observations, noise: &Noise, said: &[f64], channel: usize) -> BTreeMap<usize, f64> {
-    let mut sums: BTreeMap<usize, (f64, f64)> = BTreeMap::new();
+fn zeros(observations: &Observations, noise: &Noise, said: &[f64], channel: usize) -> Vec<f64> {
+    let series = observations.readings.iter().map(|r| r.series + 1).max().unwrap_or(0);
+    let (mut sums, mut counts) = (vec![0.0; series], vec![0.0; series]);
     for r in &observations.readings {
         if let Some(read) = r.observed[channel] {
-            let sum = sums.entry(r.series).or_default();
-            sum.0 += read - said[r.condition * observations.channels.len() + channel];
-            sum.1 += 1.0;
+            sums[r.series] += read - said[r.condition * observations.channels.len() + channel];
+            counts[r.series] += 1.0;
         }
     }
     let [own, zero] = [noise.within[channel].powi(2), noise.between[channel].powi(2)];
-    sums.into_iter().map(|(series, (sum, count))| (series, sum * zero / (own + count * zero))).collect()
+    sums.iter().zip(&counts).map(|(sum, count)| sum * zero / (own + count * zero)).collect()
 }

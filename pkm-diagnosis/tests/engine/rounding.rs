@@ -49,11 +49,12 @@ fn scatter_before_rounding_is_told_by_repeats_after_it() {
 
 #[test]
 fn rounded_numbers_scatter_about_the_right_model_as_they_are_said_to() {
-    for sd in [0.03, 0.08, 0.16, 0.25, 0.3] {
+    for sd in [0.02, 0.05, 0.08, 0.16, 0.25, 0.3] {
         let (observations, said) = read(sd, 0.0);
         let [mean, deviation] = off(&observations, &estimated(&observations), &said);
         assert!(mean.abs() < 0.01, "{sd}: {mean} steps");
-        near(deviation, 1.0, 0.07);
+        // no less than 0.05 steps is reckoned with, as models are not surer than that of where a number lies
+        if sd < 0.05 { assert!((0.5..0.8).contains(&deviation)) } else { near(deviation, 1.0, 0.07) }
     }
 }
 

@@ -1,7 +1,5 @@
 //! Steps in which numbers were read: those of a dial are coarser than the digits that they are written with.
 
-use std::collections::{BTreeMap, BTreeSet};
-
 use super::readings::{CHANNELS, KINDS, Reading};
 
 /// Fewest numbers other than 0, each of another load, and sizes of them, that tell a step.
@@ -14,9 +12,10 @@ const MIN_SHARE: f64 = 0.99;
 /// How far arithmetic may put a number off a multiple, as a share of the last digit that is written.
 const MAX_OFF: f64 = 0.01;
 
-/// Commonest differences between neighbours that are looked at, and how many steps these may be.
-const COMMONEST: usize = 5;
-const MOST_STEPS: u32 = 4;
+/// Which differences between neighbours are looked at, as shares of all from the least on, and how many steps these may be: next to
+/// numbers that were mistyped they are less, and where numbers lie far apart more than one.
+const LOOKED_AT: [f64; 4] = [0.05, 0.15, 0.3, 0.5];
+const MOST_STEPS: u32 = 6;
 
 /// The step of each channel, m and rad, of readings whose last digits are worth `written`. A channel that does not tell has that of another
 /// one of its kind, if its numbers are multiples of it.
@@ -43,9 +42,11 @@ struct Numbers {
 impl Numbers {
     /// Of numbers with their loads.
     fn new(numbers: impl Iterator<Item = (usize, f64)>) -> Self {
-        let (loads, mut sizes): (BTreeSet<usize>, Vec<f64>) =
+        let (mut loads, mut sizes): (Vec<usize>, Vec<f64>) =
             numbers.map(|(load, v)| (load, v.abs())).filter(|(_, size)| *size > 0.5).unzip();
-        sizes.sort_by(f64::total_cmp);
+        loads.sort_unstable();
+        loads.dedup();
+        sizes.sort_unstable_by(f64::total_cmp);
         Self { sizes, loads: loads.len() }
     }
 
@@ -57,21 +58,15 @@ impl Numbers {
 
     /// The greatest step of more than a last digit that the numbers are multiples of.
     fn coarser(&self) -> Option<f64> {
-        let gaps = self.sizes.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > 0.5);
-        let mut counts: BTreeMap<u64, usize> = BTreeMap::new();
-        gaps.for_each(|gap| *counts.entry((gap / MAX_OFF).round() as u64).or_default() += 1);
-        if self.loads < MIN_LOADS || self.distinct() < MIN_SIZES {
+        let gaps = self.sizes.windows(2).map(|pair| pair[1] - pair[0]);
+        let mut gaps: Vec<f64> = gaps.filter(|gap| *gap > 0.5).collect();
+        if self.loads < MIN_LOADS || gaps.len() + 1 < MIN_SIZES {
             return None;
         }
-        let mut common: Vec<(u64, usize)> = counts.into_iter().collect();
-        common.sort_by_key(|(_, count)| std::cmp::Reverse(*count));
-        let steps = common.into_iter().take(COMMONEST).map(|(gap, _)| gap as f64 * MAX_OFF);
-        let parts = steps.flat_map(|gap| (1..=MOST_STEPS).map(move |parts| gap / f64::from(parts)));
+        gaps.sort_unstable_by(f64::total_cmp);
+        let looked_at = LOOKED_AT.map(|share| (gaps[(share * gaps.len() as f64) as usize] / MAX_OFF).round() * MAX_OFF);
+        let parts = looked_at.into_iter().flat_map(|gap| (1..=MOST_STEPS).map(move |parts| gap / f64::from(parts)));
         parts.filter(|step| *step > 1.5 && self.are_multiples(*step)).reduce(f64::max)
-    }
-
-    fn distinct(&self) -> usize {
-        1 + self.sizes.windows(2).filter(|pair| pair[1] - pair[0] > 0.5).count()
     }
 }
 

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use pkm_diagnosis::robust::upper_median;
 use pkm_diagnosis::verdict::LackOfFit;
 use pkm_diagnosis::{Noise, NoiseSource, Observations, Rules, rounding};
-use serde::Serialize;
 
 use super::reading_rules::{
     MAX_SPREAD_RATIO, MIN_CONSTANT_READINGS, MIN_NUMBERS_OF_DECLARED_NOISE, MIN_SHARE_OF_DECLARED_VARIANCE,
@@ -39,7 +38,7 @@ pub fn of_noise(noise: &Noise, rules: &Rules) -> Option<Warning> {
 }
 
 /// A column that is read in steps which are coarse beside its noise.
-#[derive(Clone, Copy, Debug, Serialize)]
+#[derive(Clone, Copy, Debug)]
 pub struct Coarse {
     /// Which.
     pub column: &'static str,
@@ -74,9 +73,10 @@ pub fn of_copies(noise: &Noise, readings: &Readings) -> Option<Warning> {
 
 /// Whether a repeat is a step off the first of its load, as those of a coarse dial are at times.
 fn differ(readings: &Readings) -> bool {
-    let mut first: BTreeMap<usize, [Option<f64>; CHANNELS]> = BTreeMap::new();
+    let repeats = readings.readings.iter().map(|r| r.repeat_of + 1).max().unwrap_or(0);
+    let mut first = vec![None; repeats];
     readings.readings.iter().any(|r| {
-        let first = first.entry(r.repeat_of).or_insert(r.observed);
+        let first = first[r.repeat_of].get_or_insert(r.observed);
         let is_off = |c: usize| Some((r.observed[c]? - first[c]?).abs() > 0.5 * readings.resolution[c]);
         (0..CHANNELS).any(|c| is_off(c) == Some(true))
     })

@@ -94,7 +94,8 @@ impl Diagnosis {
             "noise": { "source": self.noise.source, "reading_um_urad": micro(&self.noise.within[..GAUGE]),
                 "series_um_urad": micro(&self.noise.between[..GAUGE]),
                 "gauge_reading_um": self.noise.within[GAUGE] * 1e6, "gauge_series_um": self.noise.between[GAUGE] * 1e6,
-                "coarse": self.coarse },
+                "coarse": self.coarse.iter()
+                    .map(|c| json!({ "column": c.column, "step": c.step, "noise": c.noise })).collect::<Vec<_>>() },
             "error_before": of(&self.errors, Rival::Declared),
             "error_after": of(&self.errors, Rival::After),
             "error_after_and_table": of(&self.errors, Rival::AfterAndTable),
