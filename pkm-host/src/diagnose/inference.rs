@@ -54,13 +54,13 @@ impl Start<'_> {
     /// Searches some readings; `then` makes of it what outlives the search. `None` where a fit does not converge.
     pub fn search<R>(&self, readings: &Readings, read: &Observations, then: impl FnOnce(Found<'_>) -> R) -> Option<R> {
         let (mut then, mut made) = (Some(then), None);
-        self.in_steps(readings, read, &mut |found| made = then.take().map(|then| then(found)))?;
+        self.search_into(readings, read, &mut |found| made = then.take().map(|then| then(found)))?;
         made
     }
 
     /// Searches readings. For those in coarse steps pseudo-observations stand in: first those near re-identified stiffnesses, then those near
     /// what was found in these.
-    fn in_steps(&self, readings: &Readings, read: &Observations, then: &mut Then<'_>) -> Option<()> {
+    fn search_into(&self, readings: &Readings, read: &Observations, then: &mut Then<'_>) -> Option<()> {
         if rounding::coarse(read, self.noise).is_empty() {
             return self.once(readings, read, self.noise, then);
         }

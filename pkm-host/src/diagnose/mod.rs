@@ -314,7 +314,6 @@ impl Searched<'_> {
         let mut suspects = checks::suspects(given, &left_out.gross, own.of(Rival::After), true);
         suspects.extend(checks::suspects(readings, &residuals.outliers(read, rules), own.of(Rival::After), false));
         step(4, "report");
-        let standard_deviations = standard_deviations(noise, &observations(given, model));
         let name = |r: &search::Ranked| model.candidates[r.candidate].name();
         step(5, "report");
         let declared = findings::declared_findings(problem, model, &search);
@@ -344,7 +343,7 @@ impl Searched<'_> {
             fitted,
             table_uncertainty,
             own,
-            standard_deviations,
+            standard_deviations: standard_deviations(noise, &observations(given, model)),
             standardised: residuals.by_reading,
             left_out: left_out.numbers(),
             names: search.rounds.iter().map(|r| r.ranking.iter().map(name).collect()).collect(),

@@ -172,36 +172,9 @@ fn of_values(d: &Diagnosis) -> Vec<Finding> {
     all
 }
 
-/// The findings in sentences, the most important first.
-pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
-    let (left_out, doubts): (Vec<_>, Vec<_>) = d.warnings.iter().partition(|w| w.left_out);
-    // where the readings themselves are in doubt nothing else counts
-    let mut all: Vec<Finding> = doubts.iter().map(|w| Finding::bad(format!("Check first: {}", w.sentence()))).collect();
-    if Badge::measurement(d).grade == Grade::Bad {
-        all.push(Finding::bad(
-            "What diagnosis.json says of the machine is left out here: it is what makes up for readings that are not what they are \
-             taken for.",
-        ));
-        return all;
-    }
-    all.push(conclusion(d, &found(d), &far_from_declared(&d.declared)));
-    if let Some(p) = d.none_of_these.filter(|p| *p > MIN_NONE_OF_THESE && !d.effects.is_empty()) {
-        all.push(Finding::warning(format!(
-            "Something with no place in the model acts on the readings as well (probability {}): what is named below may partly make up \
-             for it.",
-            text::probability(p, 2)
-        )));
-    }
-    if let Some(message) = doubted_loads(d) {
-        all.push(Finding::warning(format!(
-            "Check the loads: {message}; `uncertainty.load_gain` and `load_direction_mrad` declare it."
-        )));
-    }
-    all.extend(left_out.iter().map(|w| Finding::warning(format!("Check what was left out: {}", w.sentence()))));
-    all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));
-    all.extend(d.effects.iter().map(|e| Finding::good(of_effect(e))));
-    all.extend(of_values(d));
-    all.extend(d.estimates.not_determined().map(Finding::good));
+/// What readings that had no part say of the models.
+fn on_others(d: &Diagnosis) -> Vec<Finding> {
+    let mut all = Vec::new();
     let held = &d.held_out;
     let how = if held.given { "the held-out readings" } else { "whole poses left out in turn" };
     let nearest = |rival| of(held.nearest(), rival).map(|e| e.linear_um_rms);
@@ -246,6 +219,12 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
             there.linear_um_rms / after.linear_um_rms
         )));
     }
+    all
+}
+
+/// What these readings do not show.
+fn unseen(d: &Diagnosis) -> Vec<Finding> {
+    let mut all = Vec::new();
     let hidden: Vec<&str> = d.detectable.iter().filter(|d| d.is_hidden()).map(|d| d.id.as_str()).collect();
     if !hidden.is_empty() {
         let hidden = hidden.join(", ");
@@ -268,6 +247,41 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
     if !d.single_poses {
         all.push(Finding::good(format!("Not looked for: {}.", text::SINGLE_POSES)));
     }
+    all
+}
+
+/// The findings in sentences, the most important first.
+pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
+    let (left_out, doubts): (Vec<_>, Vec<_>) = d.warnings.iter().partition(|w| w.left_out);
+    // where the readings themselves are in doubt nothing else counts
+    let mut all: Vec<Finding> = doubts.iter().map(|w| Finding::bad(format!("Check first: {}", w.sentence()))).collect();
+    if Badge::measurement(d).grade == Grade::Bad {
+        all.push(Finding::bad(
+            "What diagnosis.json says of the machine is left out here: it is what makes up for readings that are not what they are \
+             taken for.",
+        ));
+        return all;
+    }
+    all.push(conclusion(d, &found(d), &far_from_declared(&d.declared)));
+    if let Some(p) = d.none_of_these.filter(|p| *p > MIN_NONE_OF_THESE && !d.effects.is_empty()) {
+        all.push(Finding::warning(format!(
+            "Something with no place in the model acts on the readings as well (probability {}): what is named below may partly make up \
+             for it.",
+            text::probability(p, 2)
+        )));
+    }
+    if let Some(message) = doubted_loads(d) {
+        all.push(Finding::warning(format!(
+            "Check the loads: {message}; `uncertainty.load_gain` and `load_direction_mrad` declare it."
+        )));
+    }
+    all.extend(left_out.iter().map(|w| Finding::warning(format!("Check what was left out: {}", w.sentence()))));
+    all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));
+    all.extend(d.effects.iter().map(|e| Finding::good(of_effect(e))));
+    all.extend(of_values(d));
+    all.extend(d.estimates.not_determined().map(Finding::good));
+    all.extend(on_others(d));
+    all.extend(unseen(d));
     all
 }
 
