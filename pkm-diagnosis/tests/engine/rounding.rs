@@ -1,6 +1,6 @@
 //! Numbers read in coarse steps, against simulation.
 
-use pkm_diagnosis::{Noise, Observations, Reading, Rules, rounding};
+use pkm_diagnosis::{Noise, NoiseSource, Observations, Reading, Rules, rounding};
 
 use crate::support::*;
 
@@ -114,4 +114,16 @@ fn a_declared_deviation_is_one_before_rounding_or_after_it() {
     assert!(all.windows(2).all(|pair| pair[1] >= pair[0] && pair[1] < pair[0] + 0.06), "{all:?}");
     // as much as rounding alone
     assert!((0.14..0.16).contains(&unrounded(12.0_f64.sqrt().recip())));
+}
+
+/// Repeats of a coarse dial differ seldom, but they differ: copied rows never do, and alone give way to what is declared.
+#[test]
+fn repeats_in_steps_are_no_copied_rows() {
+    let source = |sd: f64| {
+        let (mut observations, _) = read(sd, 0.0);
+        observations.readings.truncate(400);
+        observations.readings.iter_mut().for_each(|r| r.sigma = vec![Some(STEP); 2]);
+        estimated(&observations).source
+    };
+    assert_eq!((source(0.08), source(0.0)), (NoiseSource::Repeats, NoiseSource::Declared));
 }

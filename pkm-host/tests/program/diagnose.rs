@@ -817,7 +817,11 @@ fn places_in_p01(read: impl Fn(f64, f64, bool) -> f64) -> Vec<[String; 2]> {
     let data = folder.write("d.csv", &text);
     // quicker than by cross-validation
     let (holdout, out) = (measured("p01", "heldout.csv"), folder.path("out"));
-    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--holdout", &holdout, "--out", &out]);
+    places_and_laws(&json(&["diagnose", "--machine", &machine, "--data", &data, "--holdout", &holdout, "--out", &out]))
+}
+
+/// Of the effects of a diagnosis.
+fn places_and_laws(found: &Value) -> Vec<[String; 2]> {
     let effects = found["effects"].as_array().unwrap().iter();
     effects.map(|e| ["where", "law"].map(|key| e[key].as_str().unwrap().to_owned())).collect()
 }
@@ -978,9 +982,8 @@ fn a_drive_that_softens_with_temperature_is_found_in_its_limb() {
     assert!((value - softening).abs() < 3.0 * deviation && deviation < 0.3 * softening, "{}", effects[0]);
 }
 
-/// Diagnoses a random set whose rows below the head were read otherwise, and gives the places and laws of its effects.
-fn named_when_read_otherwise(kind: Kind, seed: u64, mut read: impl FnMut(&mut [String])) -> Vec<[String; 2]> {
-    let folder = Folder::new();
+/// Diagnoses a random set whose rows below the head were read otherwise.
+fn diagnose_read_otherwise(kind: Kind, seed: u64, folder: &Folder, mut read: impl FnMut(&mut [String])) -> Value {
     Set::new(kind, seed, &Wish::default()).unwrap().write(folder.path("set").as_ref(), false).unwrap();
     let mut data = String::new();
     for line in folder.read("set/measured.csv").lines().filter(|line| !line.starts_with('#')) {
@@ -993,9 +996,7 @@ fn named_when_read_otherwise(kind: Kind, seed: u64, mut read: impl FnMut(&mut [S
     folder.write("set/measured.csv", &data);
     let file = |name: &str| folder.path(&format!("set/{name}"));
     let (machine, data) = (file("machine.toml"), file("measured.csv"));
-    let found = json(&["diagnose", "--machine", &machine, "--data", &data, "--out", &file("out")]);
-    let effects = found["effects"].as_array().unwrap().iter();
-    effects.map(|e| ["where", "law"].map(|key| e[key].as_str().unwrap_or_default().to_owned())).collect()
+    json(&["diagnose", "--machine", &machine, "--data", &data, "--out", &file("out")])
 }
 
 /// Gauges with friction in their stems read what is behind the machine, both ways, by about their noise and by several times that, and
@@ -1006,7 +1007,8 @@ fn gauges_that_stick_in_their_stems_are_no_physics_of_the_machine() {
         [(Kind::Declared, 9_350_006, 1.0), (Kind::Declared, 9_350_006, 6.0), (Kind::None, 9_360_003, 4.0)]
     {
         let (mut stems, mut series) = ([0.0_f64; 3], String::new());
-        let named = named_when_read_otherwise(kind, seed, |cells| {
+        let folder = Folder::new();
+        let found = diagnose_read_otherwise(kind, seed, &folder, |cells| {
             let now = [0, 16, 17].map(|column: usize| &*cells[column]).join(",");
             if now != series {
                 (stems, series) = ([0.0; 3], now);
@@ -1017,21 +1019,43 @@ fn gauges_that_stick_in_their_stems_are_no_physics_of_the_machine() {
                 *cell = format!("{stem:.2}");
             }
         });
-        assert_eq!(named, [["sensor", "direction"]], "{seed}, {lag_um} µm");
+        assert_eq!(places_and_laws(&found), [["sensor", "direction"]], "{seed}, {lag_um} µm");
+        // of readings that are unsound nothing more is said: a stem that sticks for long passes for a sensor that does
+        let says = folder.read("set/out/report.html").contains("is in no prediction of the identified model");
+        assert_eq!(says, found["measurement"]["verdict"] != "unsound");
     }
 }
 
 /// Dials that are read to 10 µm and 50 µrad, of which the noise is a sixth and a tenth: what is rounded away is no physics of the machine,
-/// and hides none that is more than that.
+/// and hides none that is more than that. Said is what was read so.
 #[test]
 fn what_coarse_dials_round_away_is_no_physics_of_the_machine() {
+    let steps = [10.0, 10.0, 10.0, 50.0, 50.0, 50.0];
     for (kind, places) in [(Kind::None, &[][..]), (Kind::One, &[["limb.3.body", "constant"]])] {
-        let named = named_when_read_otherwise(kind, 9_360_001, |cells| {
-            for (n, cell) in cells[10..16].iter_mut().enumerate() {
-                let step = if n < 3 { 10.0 } else { 50.0 };
+        let folder = Folder::new();
+        let found = diagnose_read_otherwise(kind, 9_360_001, &folder, |cells| {
+            for (cell, step) in cells[10..16].iter_mut().zip(steps) {
                 *cell = format!("{:.0}", (cell.parse::<f64>().unwrap() / step).round() * step);
             }
         });
-        assert_eq!(named, places, "{kind:?}");
+        assert_eq!(places_and_laws(&found), places, "{kind:?}");
+        assert_eq!(found["doubts"].as_array().unwrap().len(), 0, "{}", found["doubts"]);
+        let coarse = found["noise"]["coarse"].as_array().unwrap();
+        assert_eq!(coarse.iter().map(|c| c["step"].as_f64().unwrap()).collect::<Vec<_>>(), steps);
+        let noise = |n: usize| coarse[n]["noise"].as_f64().unwrap();
+        assert!((0..3).all(|n| (1.0..2.5).contains(&noise(n))) && (3..6).all(|n| (2.5..8.0).contains(&noise(n))));
+        assert!(folder.read("set/out/report.html").contains("dx_um by 10 µm, noise "));
     }
+}
+
+/// Numbers in steps that do not begin at 0: most repeats are equal, and those that differ, by a step, differ no more than the others do.
+#[test]
+fn repeats_that_are_a_step_apart_are_no_doubt() {
+    let found = diagnose_read_otherwise(Kind::None, 9_360_002, &Folder::new(), |cells| {
+        for cell in &mut cells[10..13] {
+            *cell = format!("{:.1}", (cell.parse::<f64>().unwrap() / 10.0).round() * 10.0 + 3.3);
+        }
+    });
+    let doubts = found["doubts"].as_array().unwrap();
+    assert!(doubts.iter().all(|d| d["kind"] != "repeats_differ"), "{doubts:?}");
 }
