@@ -115,31 +115,45 @@ impl Header {
     }
 }
 
-/// Brings a row to the width of the header: empty cells beyond it go.
-pub(super) fn fitted(mut row: Row, header: &Header, delimiter: u8) -> std::result::Result<Row, String> {
-    let (width, given) = (header.names.len(), row.cells.len());
-    while row.cells.len() > width && row.cells[row.cells.len() - 1].is_empty() {
-        row.cells.truncate(row.cells.len() - 1);
-    }
-    let found = row.cells.len();
-    let advice = if row.cells.iter().any(|cell| cell.contains('\n')) {
-        ": is a quote not closed?"
-    } else if found > width && delimiter == b',' {
-        ": for decimal commas write semicolons between cells"
-    } else {
-        ""
+/// Cells that all rows have beyond the header's: some programs end every row with a semicolon or tab.
+pub(super) fn surplus(rows: &[Row], header: &Header) -> usize {
+    let narrowest = rows.iter().map(|row| row.cells.len()).min().unwrap_or(0);
+    narrowest.saturating_sub(header.names.len() + header.empty)
+}
+
+/// Brings a row to the width of the header: empty cells beyond it go, if all rows have them. One row alone that is wider has a separator
+/// too many, and its cells moved.
+pub(super) fn fitted(mut row: Row, header: &Header, surplus: usize, delimiter: u8) -> std::result::Result<Row, String> {
+    let (width, with_empty, given) = (header.names.len(), header.names.len() + header.empty, row.cells.len());
+    let is_swallowed = |cell: &str| {
+        let separators = cell.bytes().filter(|b| *b == delimiter).count();
+        cell.contains(['\n', '\r']) && (given < width || separators + 1 >= width)
     };
-    // 28,1 in whole numbers between commas pushes blank cells over the header's end
-    if found == width && delimiter == b',' && given > width + header.empty && !row.cells.iter().any(|c| c.contains('.'))
-    {
-        Err(format!(
-            "expected {width} cells as in the header, found {given}, the last of them empty: for decimal commas write semicolons between \
-             cells, otherwise leave out the commas at the end"
-        ))
-    } else if found == width {
-        Ok(row)
-    } else {
-        Err(format!("expected {width} cells as in the header, found {found}{advice}"))
+    // a decimal comma moves what is behind it: a blank cell then stands beyond the header
+    let may_be_commas = delimiter == b',';
+    let commas = if may_be_commas { ": for decimal commas write semicolons between cells" } else { "" };
+    let beyond = row.cells.iter().enumerate().skip(width).find(|(_, cell)| !cell.is_empty());
+    if row.cells.iter().any(is_swallowed) {
+        return Err(format!("expected {width} cells as in the header, found {given}: is a quote not closed?"));
+    }
+    match beyond {
+        Some((n, cell)) if given <= with_empty => Err(format!(
+            "`{cell}` stands in column {}, which has no name: name it, or empty it{}",
+            n + 1,
+            if may_be_commas { "; for decimal commas write semicolons between cells" } else { "" }
+        )),
+        None if given >= width && given <= with_empty + surplus && !(given > with_empty && may_be_commas) => {
+            row.cells.truncate(width);
+            Ok(row)
+        }
+        None if given > width => Err(format!(
+            "expected {width} cells as in the header, found {given}, the last of them empty{commas}, otherwise leave out the separators \
+             at the end"
+        )),
+        _ => Err(format!(
+            "expected {width} cells as in the header, found {given}{}",
+            if given > width { commas } else { "" }
+        )),
     }
 }
 
@@ -158,10 +172,11 @@ impl Sheet {
         let Some(header) = records.next() else { return Err(fail(1, "expected a header line, found none".into())) };
         let header = Header::new(&header?);
         let mut sheet = Self::new(source, text, delimiter, header.clone(), known)?;
-        for row in records {
-            let row = row?;
+        let rows: Vec<Row> = records.collect::<Result<_>>()?;
+        let surplus = surplus(&rows, &header);
+        for row in rows {
             let at = row.line;
-            sheet.rows.push(fitted(row, &header, delimiter).map_err(|message| fail(at, message))?);
+            sheet.rows.push(fitted(row, &header, surplus, delimiter).map_err(|message| fail(at, message))?);
         }
         sheet.finish(known)?;
         Ok(sheet)

@@ -45,9 +45,7 @@ fn change(sheet: &mut Sheet, uses: &Uses, new: impl Fn(&Use, &str) -> Option<Str
 /// Brings blanks, minus signs and directions to the way of `docs/formats.md`, and says so.
 pub(super) fn tidy(sheet: &mut Sheet, uses: &Uses) -> Vec<String> {
     let is_blank = |cell: &str| BLANKS.contains(&cell.to_lowercase().as_str());
-    let blanks = change(sheet, uses, |used, cell| {
-        ((used.column.is_number() || used.column.name == "direction") && is_blank(cell)).then(String::new)
-    });
+    let blanks = change(sheet, uses, |used, cell| (!used.column.is_chosen() && is_blank(cell)).then(String::new));
     let signs = change(sheet, uses, |used, cell| {
         let rest = cell.strip_prefix('\u{2212}').filter(|_| used.column.is_number())?;
         Some(format!("-{rest}"))
@@ -87,10 +85,11 @@ pub(super) fn convert(sheet: &mut Sheet, uses: &Uses) {
     });
 }
 
-/// Numbers such as 1,234, of which nobody can tell whether the comma is a decimal one: in the file are decimal points as well, or
-/// no comma that could not stand before thousands.
+/// Numbers such as 1,234 and 1.234, of which nobody can tell whether the mark is a decimal one: in the file are decimal marks of both
+/// kinds, or none that could not stand before thousands.
 pub(super) fn refuse_ambiguous(sheet: &mut Sheet, uses: &Uses) -> Vec<Failure> {
-    if !sheet.has_decimal_commas() {
+    // a program that writes commas between cells has points in numbers
+    if sheet.delimiter() == b',' {
         return Vec::new();
     }
     let is_number = |cell: &str| cell.replacen(',', ".", 1).parse::<f64>().is_ok();
@@ -102,15 +101,18 @@ pub(super) fn refuse_ambiguous(sheet: &mut Sheet, uses: &Uses) -> Vec<Failure> {
         let is_fraction = |cell: &str| cell.contains(mark) && is_number(cell) && !is_grouped(cell, &[mark]);
         cells().any(|(row, n, _)| is_fraction(&row.cells[n]))
     };
-    let has_commas = has(',');
-    if has_commas && !has('.') {
-        return Vec::new();
-    }
+    let (has_commas, has_points) = (has(','), has('.'));
+    let unclear: &[(char, &str)] = match (has_commas, has_points) {
+        (true, false) => return Vec::new(),
+        (false, false) => &[(',', "comma"), ('.', "point")],
+        _ => &[(',', "comma")],
+    };
+    let mark_of = |cell: &str| unclear.iter().find(|(mark, _)| is_grouped(cell, &[*mark]));
     let failures = cells()
-        .filter(|(row, n, _)| is_grouped(&row.cells[*n], &[',']))
-        .map(|(row, n, used)| {
+        .filter_map(|(row, n, used)| Some((row, n, used, mark_of(&row.cells[n])?.1)))
+        .map(|(row, n, used, mark)| {
             let message = format!(
-                "`{}`: decimal comma or thousands? Other numbers here do not tell: save the file without separators between \
+                "`{}`: decimal {mark} or thousands? Other numbers here do not tell: save the file without separators between \
                  thousands, and with one decimal mark",
                 &row.cells[n]
             );

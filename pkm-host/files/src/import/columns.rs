@@ -117,8 +117,8 @@ pub const COLUMNS: &[Column] = &[
     column("reading", Text, "", &["readingid", "readingno", "readingnr", "messung"]),
     column("repeat", Text, "", &["repetition", "rep", "wiederholung", "wdh"]),
     column("load", Text, "", &["loadcase", "loadname", "lastfall"]),
-    column("direction", Text, "", &["loaddirection", "richtung"]),
-    column("temperature_c", Temperature, "°C", &["temperature", "temp", "temperatur"]),
+    column("direction", Text, "", &["dir", "loaddirection", "richtung"]),
+    column("temperature_c", Temperature, "°C", &["temperature", "temp", "tempc", "temperatur"]),
     column("load_random", Ratio, "", &[]),
     column("sigma_linear_um", Length, "µm", &["sigmalinear"]),
     column("sigma_angular_urad", Angle, "µrad", &["sigmaangular"]),
@@ -232,6 +232,11 @@ impl Column {
     /// Whether it holds numbers.
     pub fn is_number(&self) -> bool {
         self.quantity != Text
+    }
+
+    /// Whether it holds names that people choose.
+    pub(super) fn is_chosen(&self) -> bool {
+        ["pose", "point", "state"].contains(&self.name)
     }
 
     /// The unit that the program takes; none of a text.

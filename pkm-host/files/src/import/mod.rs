@@ -16,9 +16,10 @@ mod units;
 pub use self::columns::COLUMNS;
 pub(crate) use self::merged::refuse_statistics;
 pub use self::names::Renames;
-use self::names::{Names, Use, is_blank_unit, uses};
+use self::names::{Names, Use, is_blank_unit, unused_of, uses};
+use self::units::Quantity;
 pub use self::units::{FOOT_M, GRAVITY, POUND_N};
-use crate::csv::{Header, Row, Sheet, fitted, records};
+use crate::csv::{Header, Row, Sheet, fitted, records, surplus};
 use crate::dataset::WRENCH_COLUMNS;
 use crate::error::{Failure, Result, printable};
 use crate::source::Source;
@@ -33,6 +34,8 @@ pub struct Imported {
     pub failures: Vec<Failure>,
     /// Lines above the header that hold something.
     above: Option<(u64, u64)>,
+    /// Columns that are not used and have a unit of a force and of a moment: the first of each.
+    unused: [Option<String>; 2],
 }
 
 impl Imported {
@@ -82,7 +85,7 @@ fn readings_of(source: Source, names: &Names<'_>, carried: Carried) -> Result<Im
         return Err(failure);
     }
     imported.warn_of_lines_above();
-    complete_loads(&mut imported.sheet);
+    complete_loads(&mut imported)?;
     Ok(imported)
 }
 
@@ -127,7 +130,8 @@ fn columns_of(source: Source, names: &Names<'_>, carried: Carried) -> Result<Imp
         conversions.push(format!("units in line {line}"));
         rows.next();
     }
-    let columns = Columns::of(&found.header, &units.map(|(_, units)| units).unwrap_or_default(), names)
+    let units = units.map(|(_, units)| units).unwrap_or_default();
+    let columns = Columns::of(&found.header, &units, names)
         .map_err(|failure| failure.in_file(&shared.name).at_line(found.header.line))?;
     conversions.extend(columns.conversions(&found.header));
     let known = names.own();
@@ -137,10 +141,11 @@ fn columns_of(source: Source, names: &Names<'_>, carried: Carried) -> Result<Imp
     if !sheet.rows.is_empty() || failures.is_empty() {
         sheet.finish(&known)?;
     }
-    conversions.extend(cells::tidy(&mut sheet, &columns.uses));
     failures.extend(refuse_statistics(&mut sheet));
+    // before dashes become blanks: who writes one did not mean the row above
     let warnings = carried(&mut sheet);
     sheet.warnings.extend(warnings);
+    conversions.extend(cells::tidy(&mut sheet, &columns.uses));
     let at = format!("{}:{}", printable(&shared.name), found.header.line);
     sheet.warnings.extend(found.not_renamed.iter().map(|message| format!("{at}: {message}")));
     failures.extend(cells::refuse_ambiguous(&mut sheet, &columns.uses));
@@ -148,8 +153,10 @@ fn columns_of(source: Source, names: &Names<'_>, carried: Carried) -> Result<Imp
         conversions.push("decimal commas".into());
     }
     cells::convert(&mut sheet, &columns.uses);
+    let unused = [Quantity::Force, Quantity::Moment]
+        .map(|q| unused_of(&found.header.names, &units, names, q).map(str::to_owned));
     let above = found.above.first().zip(found.above.last()).map(|(first, last)| (first.line, last.line));
-    Ok(Imported { sheet, conversions, failures, above })
+    Ok(Imported { sheet, conversions, failures, above, unused })
 }
 
 /// The columns of a file.
@@ -198,11 +205,12 @@ impl Columns {
         rows: impl Iterator<Item = Result<Row>>,
         header: &Header,
     ) -> Result<Vec<Failure>> {
+        let rows: Vec<Row> = rows.collect::<Result<_>>()?;
+        let surplus = surplus(&rows, header);
         let (mut failures, mut has_unnamed) = (Vec::new(), false);
         for row in rows {
-            let row = row?;
             let line = row.line;
-            match fitted(row, header, sheet.delimiter()) {
+            match fitted(row, header, surplus, sheet.delimiter()) {
                 Ok(row) => {
                     has_unnamed |= self.unnamed.iter().any(|n| !row.cells[*n].is_empty());
                     sheet.rows.push(Row { line, cells: self.kept.iter().map(|n| &row.cells[*n]).collect() });
@@ -240,13 +248,26 @@ fn with_advice(mut failure: Failure) -> Failure {
     failure
 }
 
-/// Forces and moments that have no column are 0, where some are there.
-fn complete_loads(sheet: &mut Sheet) {
+/// Forces and moments that have no column are 0, where some are there. A column of forces or moments that nobody can tell may hold them.
+fn complete_loads(imported: &mut Imported) -> Result<()> {
+    let sheet = &mut imported.sheet;
     let missing: Vec<&str> = WRENCH_COLUMNS.into_iter().filter(|c| !sheet.has(c)).collect();
     if missing.is_empty() || missing.len() == WRENCH_COLUMNS.len() {
-        return;
+        return Ok(());
+    }
+    for (unused, of_quantity) in imported.unused.iter().zip(WRENCH_COLUMNS.chunks(3)) {
+        if let (Some(theirs), Some(column)) = (unused, missing.iter().find(|c| of_quantity.contains(c))) {
+            let message = format!(
+                "is it {column}, which has no column and would be 0? Say --columns {column}={theirs}, or leave the column out of the file"
+            );
+            return Err(Failure::input(message)
+                .in_file(&sheet.source.name)
+                .at_line(sheet.header_line)
+                .at_column(theirs));
+        }
     }
     missing.iter().for_each(|column| sheet.add_column(column, "0"));
     let (file, line) = (printable(&sheet.source.name), sheet.header_line);
     sheet.warnings.push(format!("{file}:{line}: no columns {}: taken as 0", missing.join(", ")));
+    Ok(())
 }

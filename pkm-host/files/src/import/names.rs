@@ -1,7 +1,7 @@
 //! What the columns of a file are called, as others write it, and the units that stand beside their names.
 
 use super::columns::{COLUMNS, Column, LOAD_LOG, LOGGED, POINT_LIST, TIMED};
-use super::units::Quantity::{Ratio, Time};
+use super::units::Quantity::{self, Ratio, Time};
 use super::units::{self, Unit};
 use crate::error::{Failure, Result};
 
@@ -21,7 +21,7 @@ fn plain(name: &str) -> String {
         '∆' => 'δ',
         c => c,
     };
-    let skipped = |c: &char| !c.is_whitespace() && !"_-.".contains(*c);
+    let skipped = |c: &char| !c.is_whitespace() && !"_-.,:()".contains(*c);
     name.chars().filter(skipped).map(letter).collect::<String>().to_lowercase()
 }
 
@@ -99,6 +99,16 @@ impl<'a> Names<'a> {
             let (name, unit) = split_unit(cell);
             of(name, unit)
         })
+    }
+
+    /// The column of numbers that a name with a sign is of: `-Fz [N]`, `Fz- [N]`.
+    fn negated(&self, cell: &str) -> Option<&'static Column> {
+        const SIGNS: [char; 3] = ['-', '\u{2212}', '–'];
+        let (name, _) = split_unit(cell);
+        let bare = name.trim_matches(|c: char| c.is_whitespace() || SIGNS.contains(&c));
+        let has_sign = name.starts_with(SIGNS) || name.ends_with(SIGNS);
+        let column = self.named(bare).map(|named| named.column)?;
+        (has_sign && column.is_number()).then_some(column)
     }
 
     /// Which columns of a header hold numbers that are used.
@@ -239,8 +249,24 @@ pub fn uses(header: &[String], units: &[String], names: &Names<'_>) -> std::resu
             is_in_own_unit: column.is_number(),
         });
         let is_renamed = renamed.is_some();
+        let fail = |message: String| (cell.clone(), message);
+        if !is_renamed && let Some(column) = names.negated(cell) {
+            return Err(fail(format!(
+                "a sign before a name: are these numbers those of {} with the other sign? Multiply them by -1 and remove the sign, or \
+                 say --columns {}={cell} where they are not",
+                column.name, column.name
+            )));
+        }
         // the program's own name goes before another name of the same
         let is_other = |n: &Named| cell != n.column.name && header.iter().any(|h| h == n.column.name);
+        if !is_renamed
+            && let Some(twin) = names.named(cell).filter(|n| is_other(n) && (n.unit.is_some() || n.is_in_own_unit))
+        {
+            return Err(fail(format!(
+                "duplicate column: `{}` is there as well, leave out the one that is wrong",
+                twin.column.name
+            )));
+        }
         let Some(named) = renamed.or_else(|| names.named(cell).filter(|n| !is_other(n))) else {
             all.push(None);
             continue;
@@ -253,7 +279,6 @@ pub fn uses(header: &[String], units: &[String], names: &Names<'_>) -> std::resu
             all.push(column.map(|column| Use { column, unit }));
             continue;
         }
-        let fail = |message: String| (cell.clone(), message);
         let mut unit = None;
         for text in named.unit.as_deref().into_iter().chain(below).filter(|_| column.is_number()) {
             let found = column.unit_of(text).map_err(fail)?;
@@ -290,6 +315,16 @@ pub fn uses(header: &[String], units: &[String], names: &Names<'_>) -> std::resu
             Err(((*first).clone(), message))
         }
     }
+}
+
+/// The first column that is not used and that has a unit of some quantity, beside its name or in a row of units.
+pub fn unused_of<'h>(header: &'h [String], units: &[String], names: &Names<'_>, quantity: Quantity) -> Option<&'h str> {
+    let is_of = |text: &str| units::find(quantity, text).is_some();
+    let has_unit = |(n, cell): (usize, &String)| {
+        split_unit(cell).1.is_some_and(is_of) || units.get(n).is_some_and(|text| is_of(text))
+    };
+    let mut unused = header.iter().enumerate().filter(|(_, cell)| !names.is_known(cell));
+    unused.find(|column| has_unit(*column)).map(|(_, cell)| cell.as_str())
 }
 
 /// What stands in a row of units below a column that has none.

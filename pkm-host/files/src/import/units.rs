@@ -45,6 +45,8 @@ const POUND_KG: f64 = 0.453_592_37;
 pub const POUND_N: f64 = POUND_KG * GRAVITY;
 /// Foot, m.
 pub const FOOT_M: f64 = 0.3048;
+/// Inch, m.
+const INCH_M: f64 = FOOT_M / 12.0;
 
 /// A unit with the ways to write it, the usual one first.
 pub struct Unit {
@@ -71,12 +73,13 @@ const fn unit(quantity: Quantity, size: Size, names: &'static [&'static str]) ->
 
 /// All units that are known, without spaces, `u` for µ, and neither dots nor stars between factors. The case of letters counts:
 /// `mN` and `MN` differ.
-const UNITS: [Unit; 32] = [
+const UNITS: [Unit; 33] = [
     unit(Quantity::Length, Decimal(0), &["m"]),
     unit(Quantity::Length, Decimal(-2), &["cm"]),
     unit(Quantity::Length, Decimal(-3), &["mm"]),
-    unit(Quantity::Length, Decimal(-6), &["µm", "um", "micron", "microns"]),
+    unit(Quantity::Length, Decimal(-6), &["µm", "um", "micron", "microns", "micrometer", "micrometers"]),
     unit(Quantity::Length, Decimal(-9), &["nm"]),
+    unit(Quantity::Length, Times(INCH_M), &["inch", "in", "inches"]),
     unit(Quantity::Angle, Degrees(1.0), &["°", "deg", "degree", "degrees"]),
     unit(Quantity::Angle, Degrees(1.0 / 60.0), &["arcmin"]),
     unit(Quantity::Angle, Degrees(1.0 / 3600.0), &["arcsec"]),
@@ -84,7 +87,7 @@ const UNITS: [Unit; 32] = [
     unit(Quantity::Angle, Decimal(-3), &["mrad"]),
     unit(Quantity::Angle, Decimal(-6), &["µrad", "urad"]),
     unit(Quantity::Force, Decimal(-3), &["mN"]),
-    unit(Quantity::Force, Decimal(0), &["N"]),
+    unit(Quantity::Force, Decimal(0), &["N", "Newton", "newtons"]),
     unit(Quantity::Force, Decimal(1), &["daN"]),
     unit(Quantity::Force, Decimal(3), &["kN"]),
     unit(Quantity::Force, Decimal(6), &["MN"]),
@@ -97,7 +100,7 @@ const UNITS: [Unit; 32] = [
     unit(Quantity::Moment, Decimal(3), &["kN·m", "kNm"]),
     unit(Quantity::Moment, Times(GRAVITY), &["kgf·m", "kgfm", "kpm"]),
     unit(Quantity::Moment, Times(POUND_N * FOOT_M), &["lbf·ft", "lbfft", "ftlbf", "ftlb", "lbft"]),
-    unit(Quantity::Moment, Times(POUND_N * FOOT_M / 12.0), &["lbf·in", "lbfin", "inlbf", "inlb", "lbin"]),
+    unit(Quantity::Moment, Times(POUND_N * INCH_M), &["lbf·in", "lbfin", "inlbf", "inlb", "lbin"]),
     unit(Quantity::Temperature, Decimal(0), &["°C", "degC", "C", "Celsius"]),
     unit(Quantity::Temperature, Kelvin, &["K"]),
     unit(Quantity::Time, Decimal(0), &["s", "sec", "seconds", "Sekunden"]),
@@ -233,6 +236,7 @@ mod tests {
         let micro: f64 = of(Quantity::Angle, "°", "µrad", "0.001").parse().unwrap();
         assert!((micro - 17.453_292_519_943_295).abs() < 1e-12);
         assert_eq!(of(Quantity::Length, "MM", "UM", "0.5"), "500");
+        assert_eq!(of(Quantity::Length, "in", "mm", "20.5"), "520.7");
         assert_eq!(of(Quantity::Force, "MN", "N", "0.5"), "500000");
         assert!(find(Quantity::Force, "mn").is_none(), "millinewtons or meganewtons");
         assert!(find(Quantity::Force, "tons").is_none() && find(Quantity::Length, "N").is_none());

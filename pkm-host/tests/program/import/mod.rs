@@ -178,7 +178,11 @@ const READ: &[Case] = &[
     ("an empty column between", || good().with(10, "", "").text(',').into(), &[], ""),
     ("a column of row numbers without name, as of pandas", || good().with(0, "", "7").text(',').into(), &[], "without a name of their own"),
     ("a column of notes", || good().with(4, "Note", "fine").text(',').into(), &[], "not used: Note"),
-    ("another column of a name that is there", || good().with(4, "Position", "left").with(9, "dx [mm]", "1").text(',').into(), &[], "not used: Position, dx [mm]"),
+    ("another column of a name that is there", || good().with(4, "Position", "left").text(',').into(), &[], "not used: Position"),
+    ("names with parentheses, commas and colons", || good().called(&[("fx_n", "F(x) [N]", 0), ("fy_n", "Force (y) [N]", 0), ("fz_n", "Force, Z [N]", 0), ("dx_um", "dx: [µm]", 0)]).text(';').into(), &[], "`F(x) [N]` is fx_n|`Force, Z [N]` is fz_n"),
+    ("a separator behind every row", || good().text(';').lines().enumerate().map(|(n, l)| format!("{l}{}\n", if n > 0 { ";" } else { "" })).collect::<String>().into(), &[], ""),
+    ("a remark of two lines", || good().with(4, "Note", "\"warm\nsince nine\"").text(',').into(), &[], "not used: Note"),
+    ("points before three digits beside others", || good().put(0, "fx_n", "200.000").text(';').into(), &[], ""),
     ("two columns of notes", || good().with(4, "Note", "fine").with(9, "Note", "ok").text(',').into(), &[], "not used"),
     ("columns in another order", || { let t = good(); let cell = |row: &Vec<String>| row.iter().rev().cloned().collect(); Table { header: cell(&t.header), rows: t.rows.iter().map(cell).collect() }.text(',').into() }, &[], ""),
     ("capitals", || good().text(',').replacen(HEADER, &HEADER.to_uppercase(), 1).into(), &[], "`DX_UM` is dx_um"),
@@ -269,6 +273,13 @@ fn poses_may_be_extremes_and_no_means() {
         "Sum",
         "TOTAL",
         "Summe:",
+        "Std. Dev.",
+        "Mean value",
+        "Durchschnitt",
+        "Moyenne",
+        "RMS",
+        "Varianz",
+        "Anzahl",
     ];
     for statistic in statistics {
         let said = named(statistic).unwrap_err();

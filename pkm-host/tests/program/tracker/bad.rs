@@ -29,7 +29,7 @@ fn without(good: &str, begin: &str) -> Vec<u8> {
 const POINTS: &[Kind] = &[
     ("metres", Put("x_mm", "x_m"), ":2: x_m: ", "did you mean `x_mm`?"),
     ("no unit of a coordinate", Put("x_mm", "X"), ":2: X: ", "no unit of X|`X [mm]`"),
-    ("an unknown unit", Put("x_mm", "X [in]"), ":2: X [in]: ", "unknown unit `in` of x_mm"),
+    ("an unknown unit", Put("x_mm", "X [yd]"), ":2: X [yd]: ", "unknown unit `yd` of x_mm"),
     ("thousands", Put("1900.6108", "\"1,900\""), ":10: x_mm: ", "without separators between thousands"),
     ("no uncertainty that is one", Put("u95_um", "u95_mm"), ":2: u95_mm: ", "did you mean `u95_um`?"),
     ("no states", Put(",state,", ",note,"), ":2: state: ", "missing column"),
