@@ -3,6 +3,8 @@
 use std::collections::HashMap;
 use std::fmt::Display;
 
+pub use crate::csv_rows::Row;
+use crate::csv_rows::{Header, fitted, records, surplus};
 use crate::error::{Failure, MAX_TYPO_BYTES, Result, advice, printable};
 use crate::source::Source;
 
@@ -46,115 +48,6 @@ fn commented_rows(text: &str, delimiter: u8, width: usize) -> Option<String> {
         n => format!(", and {n} more"),
     };
     Some(format!("{first}: a comment that looks like a row is skipped{more}: put a name that begins with # in quotes"))
-}
-
-/// A line of a [`Sheet`].
-pub struct Row {
-    /// Line in the file, from 1.
-    pub line: u64,
-    /// Cells without the spaces around them.
-    pub cells: csv::StringRecord,
-}
-
-impl Row {
-    /// The cells, to be changed.
-    pub fn to_cells(&self) -> Vec<String> {
-        self.cells.iter().map(str::to_owned).collect()
-    }
-}
-
-/// A cell without the spaces around it, and the quotes that came behind a space.
-fn tidy(cell: &str) -> String {
-    let cell = cell.trim();
-    let inner = cell.strip_prefix('"').and_then(|c| c.strip_suffix('"'));
-    inner.unwrap_or(cell).trim().to_owned()
-}
-
-/// The lines of a text with their cells, without comments and empty lines.
-pub(super) fn records<'a>(text: &'a str, delimiter: u8, file: &'a str) -> impl Iterator<Item = Result<Row>> + 'a {
-    let reader = csv::ReaderBuilder::new()
-        .delimiter(delimiter)
-        .comment(Some(b'#'))
-        .has_headers(false)
-        .flexible(true)
-        .from_reader(text.as_bytes());
-    // the reader's position is where it began to look: comments and empty lines may come first
-    let line_of = move |position: Option<&csv::Position>| {
-        let Some(p) = position else { return 1 };
-        let rest = text.get(usize::try_from(p.byte()).unwrap_or(usize::MAX)..).unwrap_or("");
-        p.line() + rest.lines().take_while(|l| l.is_empty() || l.starts_with('#')).count() as u64
-    };
-    reader.into_records().filter(|r| !r.as_ref().is_ok_and(|r| r.iter().all(|cell| cell.trim().is_empty()))).map(
-        move |record| match record {
-            Ok(record) => Ok(Row { line: line_of(record.position()), cells: record.iter().map(tidy).collect() }),
-            Err(e) => {
-                let failure = Failure::input(format!("not a CSV line: {e}")).in_file(file);
-                Err(failure.at_line(line_of(e.position())))
-            }
-        },
-    )
-}
-
-/// A header: its line, and the names of the columns.
-#[derive(Clone)]
-pub(super) struct Header {
-    pub(super) line: u64,
-    pub(super) names: Vec<String>,
-    /// Empty columns at its end, beside the names.
-    pub(super) empty: usize,
-}
-
-impl Header {
-    /// Of a row, without the empty columns at its end, which a spreadsheet keeps once they held something.
-    pub(super) fn new(row: &Row) -> Self {
-        let mut names = row.to_cells();
-        while names.last().is_some_and(String::is_empty) {
-            names.pop();
-        }
-        Self { line: row.line, empty: row.cells.len() - names.len(), names }
-    }
-}
-
-/// Cells that all rows have beyond the header's: some programs end every row with a semicolon or tab.
-pub(super) fn surplus(rows: &[Row], header: &Header) -> usize {
-    let narrowest = rows.iter().map(|row| row.cells.len()).min().unwrap_or(0);
-    narrowest.saturating_sub(header.names.len() + header.empty)
-}
-
-/// Brings a row to the width of the header: empty cells beyond it go, if all rows have them. One row alone that is wider has a separator
-/// too many, and its cells moved.
-pub(super) fn fitted(mut row: Row, header: &Header, surplus: usize, delimiter: u8) -> std::result::Result<Row, String> {
-    let (width, with_empty, given) = (header.names.len(), header.names.len() + header.empty, row.cells.len());
-    let is_swallowed = |cell: &str| {
-        let separators = cell.bytes().filter(|b| *b == delimiter).count();
-        cell.contains(['\n', '\r']) && (given < width || separators + 1 >= width)
-    };
-    // a decimal comma moves what is behind it: a blank cell then stands beyond the header
-    let may_be_commas = delimiter == b',';
-    let commas = if may_be_commas { ": for decimal commas write semicolons between cells" } else { "" };
-    let beyond = row.cells.iter().enumerate().skip(width).find(|(_, cell)| !cell.is_empty());
-    if row.cells.iter().any(is_swallowed) {
-        return Err(format!("expected {width} cells as in the header, found {given}: is a quote not closed?"));
-    }
-    match beyond {
-        Some((n, cell)) if given <= with_empty => Err(format!(
-            "`{cell}` stands in column {}, which has no name: name it, or empty it{}",
-            n + 1,
-            if may_be_commas { "; for decimal commas write semicolons between cells" } else { "" }
-        )),
-        None if given >= width && given <= with_empty + surplus && !(given > with_empty && may_be_commas) => {
-            row.cells.truncate(width);
-            Ok(row)
-        }
-        None if given > width => Err(format!(
-            "expected {width} cells as in the header, found {given}, the last of them empty{commas}, otherwise leave out the separators \
-             at the end"
-        )),
-        _ => Err(format!(
-            "expected {width} cells as in the header, found {given}{}",
-            if given > width { commas } else { "" }
-        )),
-    }
 }
 
 impl Sheet {

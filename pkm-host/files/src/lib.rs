@@ -3,6 +3,7 @@
 
 pub mod clock;
 pub mod csv;
+mod csv_rows;
 pub mod cutting;
 pub mod dataset;
 pub mod elements;

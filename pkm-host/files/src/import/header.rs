@@ -4,7 +4,7 @@ use std::collections::HashSet;
 
 use super::names::{Names, split_unit};
 use super::units;
-use crate::csv::{Header, Row, records};
+use crate::csv_rows::{Header, Row, records};
 use crate::error::{Failure, Result, printable};
 use crate::source::Source;
 
