@@ -18,7 +18,8 @@ struct Number {
 }
 
 /// Numbers that stand out of their repeats, or far out of everything, before anything is fitted; `expected` is by condition and
-/// channel. Where so many stand out that they are no single errors, none is given.
+/// channel. Where so many stand out that they are no single errors, none is given: of slips of a digit, which are far beyond all noise,
+/// more than of those that stand out a little.
 pub fn gross(observations: &Observations, expected: &[f64], rules: &Rules) -> Vec<Outlier> {
     let channels = observations.channels.len();
     let mut found = Vec::new();
@@ -36,9 +37,12 @@ pub fn gross(observations: &Observations, expected: &[f64], rules: &Rules) -> Ve
         let (single, repeated): (Vec<_>, Vec<_>) = of_repeat.into_values().partition(|numbers| numbers.len() == 1);
         let mut own = among_repeats(repeated, least, rules);
         own.extend(far_out(single, least, rules));
-        if own.len() as f64 <= (rules.max_outlier_share * count as f64).max(1.0) {
-            let of = |(reading, studentised)| Outlier { reading, channel, studentised };
-            found.extend(own.into_iter().map(of));
+        let (slips, others): (Vec<_>, Vec<_>) = own.into_iter().partition(|(_, size)| *size > rules.slip_sd);
+        for (own, share) in [(slips, rules.max_slip_share), (others, rules.max_outlier_share)] {
+            if own.len() as f64 <= (share * count as f64).max(1.0) {
+                let of = |(reading, studentised)| Outlier { reading, channel, studentised };
+                found.extend(own.into_iter().map(of));
+            }
         }
     }
     found.sort_by_key(|o| (o.reading, o.channel));
@@ -84,21 +88,22 @@ fn among_repeats(mut repeated: Vec<Vec<Number>>, least: f64, rules: &Rules) -> V
         return Vec::new();
     }
     without_zeros(&mut repeated);
-    // from the others, in deviations of one number
-    let deviation = |numbers: &[Number], at: usize| {
-        let others = numbers.iter().enumerate().filter(|(n, _)| *n != at).map(|(_, n)| n.beyond);
-        let middle = median(&mut others.collect::<Vec<f64>>()).unwrap_or(0.0);
-        (numbers[at].beyond - middle).abs() / (1.0 + 1.0 / (numbers.len() as f64 - 1.0)).sqrt()
-    };
     let scale = scatter(&repeated).max(least);
     let mut found = Vec::new();
-    for numbers in &mut repeated {
+    for mut numbers in repeated {
+        numbers.sort_by(|a, b| a.beyond.total_cmp(&b.beyond));
         while numbers.len() > 1 {
-            // of two that differ the one is wrong that is farther from the model
-            let rank =
-                |at: &usize| if numbers.len() == 2 { numbers[*at].beyond.abs() } else { deviation(numbers, *at) };
-            let Some(at) = (0..numbers.len()).max_by(|a, b| rank(a).total_cmp(&rank(b))) else { break };
-            let size = deviation(numbers, at) / scale.hypot(numbers[at].drawn);
+            let last = numbers.len() - 1;
+            // from the middle of the others, in deviations of one number
+            let deviation = |at: usize| {
+                let others = if at == 0 { &numbers[1..] } else { &numbers[..last] };
+                let middle = 0.5 * (others[(last - 1) / 2].beyond + others[last / 2].beyond);
+                (numbers[at].beyond - middle).abs() / (1.0 + 1.0 / last as f64).sqrt()
+            };
+            // the least or the greatest is farthest from the others; of two that differ the one is wrong that is farther from the model
+            let rank = |at: &usize| if last == 1 { numbers[*at].beyond.abs() } else { deviation(*at) };
+            let Some(at) = [0, last].into_iter().max_by(|a, b| rank(a).total_cmp(&rank(b))) else { break };
+            let size = deviation(at) / scale.hypot(numbers[at].drawn);
             if size <= rules.outlier_sd {
                 break;
             }
@@ -168,6 +173,18 @@ mod tests {
         assert_eq!(found(&read(2, &[(40, 9999.0)])), [40]);
         // far more than single ones: noise of another kind
         let many: Vec<(usize, f64)> = (0..12).map(|i| (5 * i, 40.0)).collect();
+        assert_eq!(found(&read(2, &many)), [0; 0]);
+    }
+
+    /// Of 120 numbers five are ten times as large as they are, and one stands out a little; a day's work is not that bad.
+    #[test]
+    fn slips_of_a_digit_are_found_among_a_few_repeats() {
+        let slips: Vec<(usize, f64)> = (0..5).map(|i| (21 * i, 1000.0)).collect();
+        let expected: Vec<usize> = slips.iter().map(|s| s.0).collect();
+        assert_eq!(found(&read(2, &slips)), expected);
+        let more: Vec<(usize, f64)> = slips.iter().copied().chain([(58, 30.0)]).collect();
+        assert_eq!(found(&read(2, &more)), [0, 21, 42, 58, 63, 84]);
+        let many: Vec<(usize, f64)> = (0..12).map(|i| (9 * i, 1000.0)).collect();
         assert_eq!(found(&read(2, &many)), [0; 0]);
     }
 

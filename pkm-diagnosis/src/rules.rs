@@ -122,6 +122,10 @@ pub struct Rules {
     pub outlier_repeat_share: f64,
     /// Largest share of a channel's readings that are outliers: more are a misfit of the model.
     pub max_outlier_share: f64,
+    /// Least residual, in robust standard deviations, of what no noise of any kind makes: a slip of a digit or of a sign.
+    pub slip_sd: f64,
+    /// Largest share of a channel's readings that are such slips.
+    pub max_slip_share: f64,
     /// Least degrees of freedom of a channel's repeats at which they show gross errors: a scale from fewer is too uncertain.
     pub min_dof_of_gross: f64,
     /// Least deviation from the declared model of a gross error without repeats, in robust standard deviations: loads differ by
@@ -231,6 +235,8 @@ impl Rules {
         outlier_sd: 8.0,
         outlier_repeat_share: 0.5,
         max_outlier_share: 0.01,
+        slip_sd: 30.0,
+        max_slip_share: 0.05,
         min_dof_of_gross: 10.0,
         far_out_sd: 100.0,
         max_outliers: 3,

@@ -1,6 +1,6 @@
 //! What speaks against the readings' noise: too few repeats, repeats that differ beyond all others, channels that always say the same.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use pkm_diagnosis::robust::upper_median;
 use pkm_diagnosis::verdict::LackOfFit;
@@ -109,6 +109,7 @@ pub struct WideRepeats {
 
 /// All of them, without some numbers: pairs of reading and channel.
 pub fn wide_repeats(readings: &Readings, left_out: &[(usize, usize)]) -> Vec<WideRepeats> {
+    let left_out: HashSet<&(usize, usize)> = left_out.iter().collect();
     let mut all = Vec::new();
     for channel in 0..CHANNELS {
         let mut repeats: BTreeMap<usize, Vec<(f64, u64)>> = BTreeMap::new();

@@ -14,7 +14,7 @@ use super::findings::DeclaredFinding;
 use super::{
     Diagnosis, ELEMENT, Effect, HeldOut, SEED, Verdict, WarningKind, condition, readings_table, residual_plots, text,
 };
-use crate::error::Result;
+use crate::error::{Result, lines_text};
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, GAUGE, Readings};
 use crate::page::plot::{self, Bar};
@@ -24,6 +24,8 @@ use crate::pose::written_units;
 
 /// Least probability of something without a place that is said.
 const MIN_NONE_OF_THESE: f64 = 0.5;
+/// Most readings that stand out with a sentence of their own.
+const MAX_SUSPECTS_SHOWN: usize = 10;
 
 /// What a verdict leans on: declared values that had to move far.
 fn far_from_declared(findings: &[DeclaredFinding]) -> String {
@@ -276,13 +278,24 @@ pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
         )));
     }
     all.extend(left_out.iter().map(|w| Finding::warning(format!("Check what was left out: {}", w.sentence()))));
-    all.extend(d.suspects.iter().map(|s| Finding::warning(format!("Check this reading: {}.", s.text()))));
+    all.extend(of_suspects(d));
     all.extend(d.effects.iter().map(|e| Finding::good(of_effect(e))));
     all.extend(of_values(d));
     all.extend(d.estimates.not_determined().map(Finding::good));
     all.extend(on_others(d));
     all.extend(unseen(d));
     all
+}
+
+/// Of readings that stand out, the first in full.
+fn of_suspects(d: &Diagnosis) -> impl Iterator<Item = Finding> {
+    let (first, rest) = d.suspects.split_at(d.suspects.len().min(MAX_SUSPECTS_SHOWN));
+    let lines: Vec<u64> = rest.iter().map(|s| s.line).collect();
+    let more = (!lines.is_empty()).then(|| {
+        format!("Check {} more such numbers, in {}: residuals.csv has them all.", lines.len(), lines_text(&lines))
+    });
+    let texts = first.iter().map(|s| format!("Check this reading: {}.", s.text())).chain(more);
+    texts.map(Finding::warning)
 }
 
 /// For the terminal.

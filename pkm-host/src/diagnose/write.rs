@@ -1,6 +1,8 @@
 //! The files that a diagnosis leaves: for the controller the machine with its effects and a residual correction table, for people
 //! the residual of every reading.
 
+use std::collections::HashSet;
+
 use pkm_core::effects::EFFECTS;
 use pkm_core::{Deflection, Machine, Pose, Stiffness, StiffnessError, StiffnessFactor};
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
@@ -97,12 +99,13 @@ fn set_entry(array: &mut Item, i: usize, number: f64) {
 pub fn residuals_csv(readings: &Readings, diagnosis: &Diagnosis) -> String {
     let mut csv = "line,column,read,said,residual,standard_deviation,standardised,excluded\n".to_owned();
     let said = diagnosis.own.of(Rival::After);
+    let left_out: HashSet<&(usize, usize)> = diagnosis.left_out.iter().collect();
     for (n, r) in readings.readings.iter().enumerate() {
         for (c, column) in READ_COLUMNS.iter().enumerate() {
             let Some(read) = r.observed[c] else { continue };
             let sd = diagnosis.standard_deviations[n][c];
             let said = said[r.condition][c];
-            let excluded = diagnosis.left_out.contains(&(n, c));
+            let excluded = left_out.contains(&(n, c));
             let residual = read - said;
             let standardised = if excluded { residual / sd } else { diagnosis.standardised[n][c] };
             let numbers = [read * 1e6, said * 1e6, residual * 1e6, sd * 1e6, standardised].map(|v| format!("{v:.6}"));
