@@ -263,7 +263,7 @@ fn declared_share(observations: &Observations, deviations: [&[f64]; 2]) -> [f64;
     if count > 0.0 { ratios.map(|sum| (sum / count).sqrt().min(1.0)) } else { [1.0; 2] }
 }
 
-/// A channel whose noise is not known: neither enough repeats nor a declared deviation for every reading.
+/// A channel whose noise is not known: neither enough repeats nor a declared deviation above 0 for every reading.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct UnknownNoise {
     /// Which.
@@ -274,7 +274,7 @@ impl Noise {
     /// From repeats where there are some, else as declared.
     ///
     /// # Errors
-    /// Neither enough repeats nor declared deviations.
+    /// Neither enough repeats nor declared deviations above 0.
     pub fn estimate(observations: &Observations, rules: &Rules) -> Result<Self, UnknownNoise> {
         let channels = &observations.channels;
         let scatters: Vec<Scatter> = (0..channels.len()).map(|c| scatter(observations, c)).collect();
@@ -317,7 +317,7 @@ impl Noise {
     /// As declared, whatever repeats show.
     ///
     /// # Errors
-    /// A channel with readings for which none is declared.
+    /// A channel with readings for which none is declared, or none above 0.
     pub fn as_declared(observations: &Observations) -> Result<Self, UnknownNoise> {
         let is_used = observations.used_channels();
         Self::declared(observations, &(0..is_used.len()).filter(|c| is_used[*c]).collect::<Vec<_>>())
@@ -334,6 +334,9 @@ impl Noise {
             }
             let n = declared.len() as f64;
             let mean_square = declared.iter().map(|d| d.0 * d.0).sum::<f64>() / n;
+            if mean_square == 0.0 {
+                return Err(UnknownNoise { channel: *c });
+            }
             let floor = channels[*c].resolution / 12.0_f64.sqrt();
             within[*c] = mean_square.sqrt().max(floor);
             unrounded[*c] = rounding::of_declared(mean_square.sqrt(), channels[*c].resolution);

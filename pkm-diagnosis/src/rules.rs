@@ -175,7 +175,7 @@ pub struct Rules {
     /// Most poses at which what each has of its own, such as a clamp that was loose or a zero that was lost, is looked for: such
     /// columns are as many as poses, so that work and memory grow with readings times poses.
     pub max_single_poses: usize,
-    /// Degrees of freedom of noise that was declared: as good as known.
+    /// Degrees of freedom of noise that was declared: its size is known to an eighth.
     pub dof_of_declared_noise: f64,
 
     /// Measurements that are proposed.
@@ -258,7 +258,7 @@ impl Rules {
         min_located_probability: 0.8,
         min_probability_alone: 0.99,
         max_single_poses: 100,
-        dof_of_declared_noise: 1e6,
+        dof_of_declared_noise: 30.0,
         proposals: 8,
         rivals: 3,
     };

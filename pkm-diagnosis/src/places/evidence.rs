@@ -123,6 +123,8 @@ pub struct Evidence<'a> {
     pub whiteners: Vec<&'a Whitener>,
     /// Degrees of freedom of the noise.
     pub dof: f64,
+    /// Whether the noise was declared, and not seen in repeats.
+    pub is_declared: bool,
     /// Whitened readings.
     pub observed: &'a DVector<f64>,
     /// What decides.
@@ -302,8 +304,20 @@ impl Evidence<'_> {
         let all = p.with_held[(data_row, data)] - taken.column(data).norm_squared();
         let Some(chol) = m.cholesky() else { return f64::NEG_INFINITY };
         let rest = (all - g.dot(&chol.solve(&g))).max(f64::MIN_POSITIVE);
+        -0.5 * (ln_determinant(&chol) + ln_declared + self.misfit(rest)) + ln_prior
+    }
+
+    /// -2 ln of how likely readings are that leave so much, but for a constant. People declare a sensor's noise, or its resolution, and what
+    /// they read scatters more: declared noise may be greater than it is said to be, and not less.
+    fn misfit(&self, rest: f64) -> f64 {
         let count = self.observed.len() as f64;
-        -0.5 * (ln_determinant(&chol) + ln_declared) - 0.5 * (self.dof + count) * (rest / self.dof).ln_1p() + ln_prior
+        if !self.is_declared {
+            (self.dof + count) * (rest / self.dof).ln_1p()
+        } else if rest <= count {
+            rest
+        } else {
+            count + (self.dof + count) * ((self.dof + rest) / (self.dof + count)).ln()
+        }
     }
 
     /// The best scale of one member, and level, for a set.

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 use super::evidence::{Evidence, Family, Linear, Set};
 use super::{Finding, Inferred, PlaceModel, State, low_rank};
 use crate::levels::Levels;
-use crate::noise::Noise;
+use crate::noise::{Noise, NoiseSource};
 
 /// The place of a block that has none.
 pub const NOWHERE: &str = "none";
@@ -40,6 +40,7 @@ pub fn infer(levels: &Levels<'_>, noise: &Noise, model: &dyn PlaceModel) -> Opti
     let evidence = Evidence {
         model,
         whiteners: rules.block_levels.iter().map(|l| levels.problems[*l].whitener).collect(),
+        is_declared: noise.source == NoiseSource::Declared,
         dof: if noise.dof > 0.0 { noise.dof.max(rules.min_dof_of_kind) } else { rules.dof_of_declared_noise },
         observed,
         rules,

@@ -7,7 +7,8 @@ use pkm_diagnosis::verdict::LackOfFit;
 use pkm_diagnosis::{Noise, NoiseSource, Observations, Rules, rounding};
 
 use super::reading_rules::{
-    MAX_SPREAD_RATIO, MIN_CONSTANT_READINGS, MIN_NUMBERS_OF_DECLARED_NOISE, MIN_SHARE_OF_DECLARED_VARIANCE,
+    MAX_SHARE_OF_DECLARED_VARIANCE, MAX_SPREAD_RATIO, MIN_CONSTANT_READINGS, MIN_NUMBERS_OF_DECLARED_NOISE,
+    MIN_SHARE_OF_DECLARED_VARIANCE,
 };
 use super::warning::{Warning, WarningKind};
 use crate::error::{Failure, Result};
@@ -82,16 +83,25 @@ fn differ(readings: &Readings) -> bool {
     })
 }
 
-/// Of a declared noise of which a fit leaves far less: it is not that of the readings.
+/// Of a declared noise of which a fit leaves far less, or more: it is not that of the readings, or the model is wrong.
 pub fn of_declared(after: &LackOfFit, numbers: usize) -> Option<Warning> {
     let LackOfFit { noise_source, statistic, .. } = *after;
-    let is_too_great = noise_source == NoiseSource::Declared
-        && numbers >= MIN_NUMBERS_OF_DECLARED_NOISE
-        && statistic < MIN_SHARE_OF_DECLARED_VARIANCE;
-    is_too_great.then(|| Warning::new(WarningKind::DeclaredNoiseTooGreat, format!(
-            "the model leaves {:.3} of the noise that is declared, which is too little to be chance: are sigma_linear_um in µm and \
-             sigma_angular_urad in µrad? An effect that is less than such a noise is not to be seen",
-            statistic.sqrt()
+    if noise_source != NoiseSource::Declared || numbers < MIN_NUMBERS_OF_DECLARED_NOISE {
+        return None;
+    }
+    let left = statistic.sqrt();
+    if statistic < MIN_SHARE_OF_DECLARED_VARIANCE {
+        return Some(Warning::new(
+            WarningKind::DeclaredNoiseTooGreat,
+            format!(
+                "the model leaves {left:.3} of the noise that is declared, which is too little to be chance: are sigma_linear_um in µm and \
+             sigma_angular_urad in µrad? An effect that is less than such a noise is not to be seen"
+            ),
+        ));
+    }
+    (statistic > MAX_SHARE_OF_DECLARED_VARIANCE).then(|| Warning::new(WarningKind::DeclaredNoiseTooSmall, format!(
+            "the model leaves {left:.1} times the noise that is declared, and no repeats tell whether the model is wrong or readings \
+             scatter by more than that, as they do where the resolution of a sensor is declared: repeat some loads"
         )))
 }
 

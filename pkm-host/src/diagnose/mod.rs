@@ -49,7 +49,7 @@ pub(crate) mod write;
 
 use pkm_diagnosis::residuals::{Residuals, Structure};
 use pkm_diagnosis::verdict::{self, Judgement};
-use pkm_diagnosis::{Noise, Observations, Search, search};
+use pkm_diagnosis::{Noise, NoiseSource, Observations, Search, search};
 pub use pkm_diagnosis::{Rules, SEED, verdict::Verdict};
 
 use self::checks::Suspect;
@@ -148,9 +148,14 @@ pub struct Diagnosis {
     pub rules: Rules,
 }
 
-fn not_converged(readings: &Readings, warnings: &[Warning]) -> Failure {
-    let why =
-        warnings.first().map_or("are these readings of this machine, displacements of A in A-uvw?", |w| &w.message);
+fn not_converged(readings: &Readings, noise: &Noise, warnings: &[Warning]) -> Failure {
+    let usual = match noise.source {
+        NoiseSource::Repeats => "are these readings of this machine, displacements of A in A-uvw?",
+        NoiseSource::Declared => {
+            "are these readings of this machine, displacements of A in A-uvw, and do they scatter as little as their sigma columns say?"
+        }
+    };
+    let why = warnings.first().map_or(usual, |w| &w.message);
     Failure::input(format!("a fit did not converge: {why}")).in_file(&readings.source.name)
 }
 
@@ -210,7 +215,7 @@ pub fn diagnose(
     let warnings: Vec<Warning> = otherwise.into_iter().chain(of_file).chain(of_left_out).chain(of_noise).collect();
     step(1, "what the model lacks");
     let start = Start { model: &model, noise, method, taken_as_said, rules };
-    let failure = not_converged(readings, &warnings);
+    let failure = not_converged(readings, noise, &warnings);
     let judged = start.search(readings, read, |found| {
         Searched { file, given, readings, held_out, read, left_out: &left_out, start: &start, found, warnings }
             .judged(progress)
@@ -276,7 +281,7 @@ impl Searched<'_> {
         let Self { file, given, readings, held_out, read, left_out, start, found, mut warnings } = self;
         let Found { experiment, levels, noise: its_noise, search, reidentified, sites, inferred } = found;
         let (model, rules, noise) = (experiment.model, start.rules, start.noise);
-        let not_converged = || not_converged(readings, &warnings);
+        let not_converged = || not_converged(readings, its_noise, &warnings);
         let mut judgement = verdict::judge(levels, its_noise, &search).ok_or_else(not_converged)?;
         let sites = &inference::borne_out(sites, &search, judgement.after.p > rules.max_misfit_p, rules);
         let search = inference::settled(levels, its_noise, sites, search).ok_or_else(not_converged)?;

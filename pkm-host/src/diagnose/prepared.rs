@@ -79,7 +79,7 @@ impl<'a> Prepared<'a> {
 fn unknown_noise(readings: &Readings, unknown: UnknownNoise) -> Failure {
     let column = ["sigma_linear_um", "sigma_angular_urad"][KINDS[unknown.channel]];
     Failure::input(format!(
-        "no repeats to take the noise of {} from, and no declared one: repeat some readings (same pose, load and direction), \
+        "no repeats to take the noise of {} from, and no declared one above 0: repeat some readings (same pose, load and direction), \
          or add the column {column} with one standard deviation of a reading",
         READ_COLUMNS[unknown.channel]
     ))

@@ -23,6 +23,8 @@ pub const MIN_CONSTANT_READINGS: usize = 10;
 pub const MAX_SPREAD_RATIO: f64 = 50.0;
 /// Mean square of the residuals over the declared variance below which that is no noise of these readings.
 pub const MIN_SHARE_OF_DECLARED_VARIANCE: f64 = 0.1;
+/// The same above which noise and misfit are not told apart without repeats.
+pub const MAX_SHARE_OF_DECLARED_VARIANCE: f64 = 2.0;
 /// From how many numbers on: of 60, so little is no chance.
 pub const MIN_NUMBERS_OF_DECLARED_NOISE: usize = 60;
 

@@ -26,6 +26,8 @@ pub enum WarningKind {
     EqualRepeats,
     /// A declared noise that is far more than the readings have.
     DeclaredNoiseTooGreat,
+    /// Declared noise that is less than what is left, without repeats.
+    DeclaredNoiseTooSmall,
     /// Residuals that go with the order of the readings.
     OrderOfReadings,
     /// More declared values would have to change than a machine has wrong.

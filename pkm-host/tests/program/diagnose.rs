@@ -558,6 +558,40 @@ fn a_declared_noise_that_is_far_too_great_is_said() {
     assert!(doubts.iter().all(|(kind, _)| kind != "declared_noise_too_great"), "{doubts:?}");
 }
 
+/// The resolution of a sensor that reads far less than its noise: what is left passes for noise and for no place, and the file's reader is
+/// asked which it is.
+#[test]
+fn a_declared_noise_that_is_too_small_names_no_other_place() {
+    let places = |deviations: &str| {
+        let folder = Folder::new();
+        let found = of_p05(&folder.write("d.csv", &once_declared(deviations, 0)), &folder);
+        let kind = |d: &Value| d["kind"].as_str().unwrap().to_owned();
+        let doubts: Vec<String> = found["doubts"].as_array().unwrap().iter().map(kind).collect();
+        (places_and_laws(&found).into_iter().map(|[place, _]| place).collect::<Vec<String>>(), doubts)
+    };
+    let (right, doubts) = places("1.66,5.6");
+    assert!(doubts.iter().all(|kind| kind != "declared_noise_too_small"), "{doubts:?}");
+    for deviations in ["0.8,2.8", "0.2,0.7"] {
+        let (found, doubts) = places(deviations);
+        assert!(doubts.iter().any(|kind| kind == "declared_noise_too_small"), "{deviations}: {doubts:?}");
+        assert!(found.iter().all(|place| right.contains(place)), "{deviations}: {found:?}, and {right:?}");
+    }
+}
+
+/// Deviations of 0 declare nothing, and those of a picometre that no fit reaches are asked about.
+#[test]
+fn a_declared_noise_of_nothing_is_refused() {
+    for (deviations, words) in
+        [("0,0", "no declared one above 0"), ("0.0001,0.0001", "as little as their sigma columns say")]
+    {
+        let folder = Folder::new();
+        let data = folder.write("d.csv", &once_declared(deviations, 0));
+        let error = refused(&["diagnose", "--data", &data, "--out", &folder.path("out")]);
+        let message = error["message"].as_str().unwrap();
+        assert!(message.contains(words) && !folder.has("out"), "{deviations}: {message}");
+    }
+}
+
 /// Rows that were copied are no repeats: their scatter of nothing does not stand for the noise that is declared, and they are named.
 #[test]
 fn copied_rows_are_no_repeats() {
