@@ -26,6 +26,10 @@ use crate::stiffness::{self, LoadHistory, StiffnessFactor};
 use crate::thermal::TemperatureRise;
 use crate::types::{Deflection, Pose, ScrewLengths, TipUncertainty, Wrench};
 
+/// Greatest displacement of the tip that is compensated, as a share of |AB|: millimetres, where a machine at work deflects by tenths of
+/// one.
+pub const MAX_DISPLACEMENT: f64 = 0.01;
+
 /// Why a deflection cannot be compensated.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "defmt", derive(defmt::Format))]
@@ -36,6 +40,9 @@ pub enum CompensationError {
     /// The screws cannot move the tip in every direction: it is too near to the plane through A square to BA (or to that
     /// through B). The determinant of the table above is below [`SINGULARITY_MARGIN`] of L².
     Singular,
+    /// The tip is displaced by more than [`MAX_DISPLACEMENT`] of |AB|: no machine is at work there, and one Newton step would leave a
+    /// hundredth of it.
+    TooFar,
     /// The pose, or the one to command, has no posture.
     Kinematics(KinematicsError),
 }
@@ -45,6 +52,7 @@ impl fmt::Display for CompensationError {
         match self {
             Self::NotFinite => f.write_str("the deflection or the tip is not finite"),
             Self::Singular => f.write_str("the screws cannot move the tip in every direction"),
+            Self::TooFar => f.write_str("the tip is displaced by more than a hundredth of |AB|"),
             Self::Kinematics(e) => e.fmt(f),
         }
     }
@@ -250,14 +258,15 @@ impl<T: Scalar> Machine<T> {
     ///
     /// One Newton step with the deflection of `pose`. The remainder is of second order, half as large a part of the
     /// displacement under half the load: within 1e-3 of it for the reference machine in its box, tip 0.2 m to 0.4 m ahead of A,
-    /// up to 50 N and 5 N·m on each axis; and for random machines with the tip L/2 to 2 L ahead, displaced by 2.5e-6 of L.
+    /// up to 50 N and 5 N·m on each axis; and for random machines with the tip L/2 to 2 L ahead, displaced by 2.5e-6 of L. What displaces the
+    /// tip by more than [`MAX_DISPLACEMENT`] of L is refused.
     ///
     /// # Arguments
     /// * `deflection`: displacement of A under the load at `pose`, in A-uvw.
     /// * `tip_m`: where the tip is in A-uvw, rigid with the moving platform.
     ///
     /// # Errors
-    /// Not finite; singular; those of [`inverse`](Self::inverse), for `pose` or for the pose to command.
+    /// Not finite; singular; too far; those of [`inverse`](Self::inverse), for `pose` or for the pose to command.
     ///
     /// ```
     /// use pkm_core::nalgebra::Vector3;
@@ -285,7 +294,12 @@ impl<T: Scalar> Machine<T> {
         tip_m: Vector3<T>,
     ) -> Result<Compensated<T>, CompensationError> {
         let moved = deflection.seen_at(tip_m).translation_m;
-        if !(is_finite(&moved) && is_finite(&tip_m)) {
+        let most = T::from_f64(MAX_DISPLACEMENT) * posture.l;
+        // NaN is within nothing
+        if !(moved.dot(&moved) <= most * most) {
+            return Err(if is_finite(&moved) { CompensationError::TooFar } else { CompensationError::NotFinite });
+        }
+        if !is_finite(&tip_m) {
             return Err(CompensationError::NotFinite);
         }
         // from A-uvw into u, y, n

@@ -95,7 +95,7 @@ pub mod wrist;
 /// Vectors and matrices of this crate's interface.
 pub use nalgebra;
 
-pub use compensation::{Compensated, CompensationError, Cycle, CycleError, KnownCycle};
+pub use compensation::{Compensated, CompensationError, Cycle, CycleError, KnownCycle, MAX_DISPLACEMENT};
 pub use compensator::{Compensator, CompensatorSettings, Fault};
 pub use correction::{Basis, Corrected, CorrectionError, CorrectionTable, TableError, TableUncertainty};
 pub use elastic::LimbFrame;

@@ -10,6 +10,8 @@ use crate::types::{Deflection, Pose};
 
 /// Temperature that stiffnesses are declared for, °C.
 pub const DECLARED_TEMPERATURE_C: f64 = 20.0;
+/// No temperature is below.
+const ABSOLUTE_ZERO_C: f64 = -273.15;
 
 /// Why there is no machine at a temperature.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -18,7 +20,7 @@ pub const DECLARED_TEMPERATURE_C: f64 = 20.0;
 pub enum TemperatureError {
     /// NaN or infinite.
     NotFinite,
-    /// The `thermal-modulus` effect would leave no stiffness.
+    /// The `thermal-modulus` effect would leave no stiffness, or the temperature is below absolute zero.
     NoStiffness,
 }
 
@@ -26,7 +28,7 @@ impl fmt::Display for TemperatureError {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(match self {
             Self::NotFinite => "the temperature is not finite",
-            Self::NoStiffness => "no stiffness would be left at this temperature",
+            Self::NoStiffness => "no machine has this temperature and a stiffness",
         })
     }
 }
@@ -79,7 +81,7 @@ impl<T: Scalar> Machine<T> {
     /// whatever that of `self` was.
     ///
     /// # Errors
-    /// The temperature is not finite, or the share would not be above 0.
+    /// The temperature is not finite; it is below absolute zero, or the share would not be above 0.
     ///
     /// ```
     /// use pkm_core::thermal::TemperatureError;
@@ -91,6 +93,7 @@ impl<T: Scalar> Machine<T> {
     /// assert_ne!(steel.at_temperature(35.0), Ok(steel));
     /// assert_eq!(steel.at_temperature(20.0), Ok(steel));
     /// assert_eq!(steel.at_temperature(1e4), Err(TemperatureError::NoStiffness));
+    /// assert_eq!(steel.at_temperature(-300.0), Err(TemperatureError::NoStiffness));
     /// ```
     pub fn at_temperature(&self, temperature_c: T) -> Result<Self, TemperatureError> {
         if !temperature_c.is_finite() {
@@ -100,6 +103,9 @@ impl<T: Scalar> Machine<T> {
         let rates = self.effects.softening();
         if rates == [T::ZERO; 2] && !self.effects.elements.depend_on_temperature() {
             return Ok(machine);
+        }
+        if temperature_c < T::from_f64(ABSOLUTE_ZERO_C) {
+            return Err(TemperatureError::NoStiffness);
         }
         let warmer_k = temperature_c - T::from_f64(DECLARED_TEMPERATURE_C);
         let [body, joints] = rates.map(|rate| T::ONE - rate * warmer_k);

@@ -65,6 +65,10 @@ int main(void) {
         fprintf(stderr, "pkm: %s\n", pkm_error_text(error));
         return 1;
     }
+    if (!command.converged) {
+        fprintf(stderr, "pkm: the tip would be %g m off: is the load plausible?\n", command.remaining_m);
+        return 1;
+    }
     const PkmJoints_f64 *joints = &command.solution.joints;
     printf("five axes: %.4f %.4f %.4f mm, %.6f %.6f rad, normalised determinant %.3f\n", 1e3 * joints->lengths.q_m[0],
            1e3 * joints->lengths.q_m[1], 1e3 * joints->lengths.q_m[2], joints->beta_rad[0], joints->beta_rad[1],

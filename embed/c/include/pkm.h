@@ -26,7 +26,7 @@
 #include <stdint.h>
 
 /* Of this header; pkm_version() is that of the library. */
-#define PKM_VERSION "0.5.0"
+#define PKM_VERSION "0.5.1"
 
 #if defined(__GNUC__)
 #define PKM_MUST_USE __attribute__((warn_unused_result))
@@ -74,7 +74,7 @@ enum PkmError
   PKM_ERROR_NOT_POSITIVE_DEFINITE = 20,
   // The limb forces under load-dependent effects were not found.
   PKM_ERROR_NOT_CONVERGED = 21,
-  // No stiffness would be left at this temperature.
+  // No stiffness would be left at this temperature, or it is below absolute zero.
   PKM_ERROR_NO_STIFFNESS = 22,
   // The table has no factor form.
   PKM_ERROR_NO_FACTOR_FORM = 30,
@@ -85,6 +85,8 @@ enum PkmError
   // The screws cannot move the tip in every direction: it is too near to the plane through A, or through B, that is
   // square to BA.
   PKM_ERROR_NOT_COMPENSABLE = 40,
+  // The load displaces the tip by more than a hundredth of the distance from B to A: no machine is at work there. Is it in N and N·m?
+  PKM_ERROR_DISPLACED_TOO_FAR = 41,
   // A tool is out of the five axes' reach from where they stand, or `near` is no place where they can (all zeros).
   PKM_ERROR_TOOL_UNREACHABLE = 50,
   // Where the five axes stand, or on the way, two configurations meet that hold the tool alike.
@@ -614,7 +616,8 @@ typedef struct {
   PkmLimit limit;
   // Where the pose stands to the table's box.
   PkmDomain domain;
-  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. The offset is to be commanded with every fault. Those of the model, the wrench and the box end 0.1 s after their cause, the others with it.
+  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. The offset is to be commanded with every fault. Those of the model end 0.1 s after their cause, and so do those of a wrench whose load already counts as zero; that of the box
+  // ends when the pose is back by a hundredth of the half widths; the others end with their cause.
   PkmError fault;
 } PkmOffset_f64;
 
@@ -649,7 +652,8 @@ typedef struct {
   PkmLimit limit;
   // Where the pose stands to the table's box.
   PkmDomain domain;
-  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. The offset is to be commanded with every fault. Those of the model, the wrench and the box end 0.1 s after their cause, the others with it.
+  // The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. The offset is to be commanded with every fault. Those of the model end 0.1 s after their cause, and so do those of a wrench whose load already counts as zero; that of the box
+  // ends when the pose is back by a hundredth of the half widths; the others end with their cause.
   PkmError fault;
 } PkmOffset_f32;
 
@@ -1407,11 +1411,12 @@ PkmError pkm_compensator_init_f64(PkmCompensator_f64 *compensator,
                                   size_t settings_size,
                                   const PkmChecksums *built_for);
 
-// Back to no offset and no load at once, as after the init. The offset steps: for drives that are off. To take it
+// Back to no offset and no load at once; a weight and its reference stay as they were set. The offset steps: for drives that are off. To take it
 // away from drives that are on, update with `enabled` at 0.
 //
 // Errors: NOT_INITIALISED.
-PKM_MUST_USE PkmError pkm_compensator_reset_f64(PkmCompensator_f64 *compensator);
+PKM_MUST_USE
+PkmError pkm_compensator_reset_f64(PkmCompensator_f64 *compensator);
 
 // Bytes that a compensator takes.
 size_t pkm_tool_compensator_size_f64(void);
@@ -1433,11 +1438,12 @@ PkmError pkm_tool_compensator_init_f64(PkmToolCompensator_f64 *compensator,
                                        size_t settings_size,
                                        const PkmChecksums *built_for);
 
-// Back to no offset and no load at once, as after the init. The offset steps: for drives that are off. To take it
+// Back to no offset and no load at once; a weight and its reference stay as they were set. The offset steps: for drives that are off. To take it
 // away from drives that are on, update with `enabled` at 0.
 //
 // Errors: NOT_INITIALISED.
-PKM_MUST_USE PkmError pkm_tool_compensator_reset_f64(PkmToolCompensator_f64 *compensator);
+PKM_MUST_USE
+PkmError pkm_tool_compensator_reset_f64(PkmToolCompensator_f64 *compensator);
 
 // A period of a compensator for the three screws, with a tip that is rigid with the moving platform. `machine` is at its
 // temperature; `pose` is where it should stand without the compensation. What is wrong with pose or reading is a fault
@@ -1489,11 +1495,12 @@ PkmError pkm_compensator_init_f32(PkmCompensator_f32 *compensator,
                                   size_t settings_size,
                                   const PkmChecksums *built_for);
 
-// Back to no offset and no load at once, as after the init. The offset steps: for drives that are off. To take it
+// Back to no offset and no load at once; a weight and its reference stay as they were set. The offset steps: for drives that are off. To take it
 // away from drives that are on, update with `enabled` at 0.
 //
 // Errors: NOT_INITIALISED.
-PKM_MUST_USE PkmError pkm_compensator_reset_f32(PkmCompensator_f32 *compensator);
+PKM_MUST_USE
+PkmError pkm_compensator_reset_f32(PkmCompensator_f32 *compensator);
 
 // Bytes that a compensator takes.
 size_t pkm_tool_compensator_size_f32(void);
@@ -1515,11 +1522,12 @@ PkmError pkm_tool_compensator_init_f32(PkmToolCompensator_f32 *compensator,
                                        size_t settings_size,
                                        const PkmChecksums *built_for);
 
-// Back to no offset and no load at once, as after the init. The offset steps: for drives that are off. To take it
+// Back to no offset and no load at once; a weight and its reference stay as they were set. The offset steps: for drives that are off. To take it
 // away from drives that are on, update with `enabled` at 0.
 //
 // Errors: NOT_INITIALISED.
-PKM_MUST_USE PkmError pkm_tool_compensator_reset_f32(PkmToolCompensator_f32 *compensator);
+PKM_MUST_USE
+PkmError pkm_tool_compensator_reset_f32(PkmToolCompensator_f32 *compensator);
 
 // A period of a compensator for the three screws, with a tip that is rigid with the moving platform. `machine` is at its
 // temperature; `pose` is where it should stand without the compensation. What is wrong with pose or reading is a fault
@@ -2026,7 +2034,8 @@ PkmError pkm_tip_inverse_any_margin_f64(const PkmMachine_f64 *machine,
 // What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
 // its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
 // `pkm_tool_inverse`, and no further from the tool than a period's step: this takes a bounded number of instructions. Where
-// they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is as for `pkm_cycle`.
+// they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is that of the
+// pose to command.
 //
 // Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end.
 PKM_MUST_USE
@@ -2049,7 +2058,7 @@ PkmError pkm_joint_motion_f64(const PkmMachine_f64 *machine,
                               PkmJointMotion_f64 *joints);
 
 // The greatest share, at most 1, of the feed at which no joint exceeds `limits`, greatest sizes for each, on the same curve at a
-// steady feed. 0 where a limit is 0 or a number is NaN.
+// steady feed. 0 where a number is NaN, or a joint moves whose limit is 0.
 //
 // Errors: none but those of the pointers.
 PKM_MUST_USE
@@ -2101,7 +2110,8 @@ PkmError pkm_tip_inverse_any_margin_f32(const PkmMachine_f32 *machine,
 // What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
 // its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
 // `pkm_tool_inverse`, and no further from the tool than a period's step: this takes a bounded number of instructions. Where
-// they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is as for `pkm_cycle`.
+// they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is that of the
+// pose to command.
 //
 // Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end.
 PKM_MUST_USE
@@ -2124,7 +2134,7 @@ PkmError pkm_joint_motion_f32(const PkmMachine_f32 *machine,
                               PkmJointMotion_f32 *joints);
 
 // The greatest share, at most 1, of the feed at which no joint exceeds `limits`, greatest sizes for each, on the same curve at a
-// steady feed. 0 where a limit is 0 or a number is NaN.
+// steady feed. 0 where a number is NaN, or a joint moves whose limit is 0.
 //
 // Errors: none but those of the pointers.
 PKM_MUST_USE

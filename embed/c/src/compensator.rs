@@ -116,7 +116,8 @@ pub struct PkmOffset<T> {
     pub limit: PkmLimit,
     /// Where the pose stands to the table's box.
     pub domain: PkmDomain,
-    /// The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. The offset is to be commanded with every fault. Those of the model, the wrench and the box end 0.1 s after their cause, the others with it.
+    /// The gravest fault of this period, 0 when there is none; `pkm_error_text` says it in words. The offset is to be commanded with every fault. Those of the model end 0.1 s after their cause, and so do those of a wrench whose load already counts as zero; that of the box
+    /// ends when the pose is back by a hundredth of the half widths; the others end with their cause.
     pub fault: PkmError,
 }
 
@@ -320,7 +321,7 @@ macro_rules! memory {
             unsafe { answer(compensator, || Ok($kind(Kept::new(given(settings)?, given(built_for)?, $verify())?))) }
         }
 
-        /// Back to no offset and no load at once, as after the init. The offset steps: for drives that are off. To take it
+        /// Back to no offset and no load at once; a weight and its reference stay as they were set. The offset steps: for drives that are off. To take it
         /// away from drives that are on, update with `enabled` at 0.
         ///
         /// Errors: NOT_INITIALISED.

@@ -39,7 +39,7 @@ pub enum PkmError {
     NotPositiveDefinite = 20,
     /// The limb forces under load-dependent effects were not found.
     NotConverged = 21,
-    /// No stiffness would be left at this temperature.
+    /// No stiffness would be left at this temperature, or it is below absolute zero.
     NoStiffness = 22,
     /// The table has no factor form.
     NoFactorForm = 30,
@@ -50,6 +50,8 @@ pub enum PkmError {
     /// The screws cannot move the tip in every direction: it is too near to the plane through A, or through B, that is
     /// square to BA.
     NotCompensable = 40,
+    /// The load displaces the tip by more than a hundredth of the distance from B to A: no machine is at work there. Is it in N and N·m?
+    DisplacedTooFar = 41,
     /// A tool is out of the five axes' reach from where they stand, or `near` is no place where they can (all zeros).
     ToolUnreachable = 50,
     /// Where the five axes stand, or on the way, two configurations meet that hold the tool alike.
@@ -141,11 +143,12 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         14 => c"the screw of limb 3 would leave its travel",
         20 => c"the stiffness matrix is not positive definite",
         21 => c"the limb forces under load-dependent effects were not found",
-        22 => c"no stiffness would be left at this temperature",
+        22 => c"no machine has this temperature and a stiffness",
         30 => c"the table has no factor form",
         31 => c"a coefficient of the table is not positive at this pose",
         32 => c"the numbers are no table, or there is no room for its terms",
         40 => c"the screws cannot move the tip in every direction",
+        41 => c"the load displaces the tip by more than a hundredth of the distance from B to A",
         50 => c"the tool is out of reach from where the machine stands, or the machine cannot stand there",
         51 => c"too near to a singularity of the five axes",
         52 => c"wrist joint 1 would leave its limits",
@@ -261,6 +264,7 @@ impl From<CompensationError> for PkmError {
         match error {
             CompensationError::NotFinite => Self::NotFinite,
             CompensationError::Singular => Self::NotCompensable,
+            CompensationError::TooFar => Self::DisplacedTooFar,
             CompensationError::Kinematics(e) => e.into(),
             _ => Self::Unknown,
         }

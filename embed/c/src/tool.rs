@@ -105,7 +105,8 @@ macro_rules! functions {
         /// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
         /// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
         /// `pkm_tool_inverse`, and no further from the tool than a period's step: this takes a bounded number of instructions. Where
-        /// they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is as for `pkm_cycle`.
+        /// they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is that of the
+        /// pose to command.
         ///
         /// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end.
         #[must_use]
@@ -152,7 +153,7 @@ macro_rules! functions {
         }
 
         /// The greatest share, at most 1, of the feed at which no joint exceeds `limits`, greatest sizes for each, on the same curve at a
-        /// steady feed. 0 where a limit is 0 or a number is NaN.
+        /// steady feed. 0 where a number is NaN, or a joint moves whose limit is 0.
         ///
         /// Errors: none but those of the pointers.
         #[must_use]

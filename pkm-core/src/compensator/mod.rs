@@ -316,21 +316,19 @@ impl<T: Scalar, const JOINTS: usize> Compensator<T, JOINTS> {
         if domain.is_none() {
             return (none, None, Some(self.lose(CorrectionError::from(KinematicsError::NotFinite).into())));
         }
+        // outside the box as well: what the load does there is part of its history
+        let mut load = Load { wrench, gain: self.gain, rise, carried: self.carried.as_ref() };
+        let found = offsets(&mut load, &mut self.history);
         // what is wrong with the reading is the worse of the two
         let outside = fault.or(Some(Fault::OutsideBox));
-        match self.outside_box {
-            OutsideBox::Hold if self.has_left_box => (self.joints, None, outside),
-            OutsideBox::Fade if self.has_left_box => (none, None, outside),
-            _ => {
-                let mut load = Load { wrench, gain: self.gain, rise, carried: self.carried.as_ref() };
-                match offsets(&mut load, &mut self.history) {
-                    Ok((joints, known)) => match self.still_lost() {
-                        None => (joints, known, fault),
-                        lost => (none, None, lost),
-                    },
-                    Err(fault) => (none, None, Some(self.lose(fault))),
-                }
-            }
+        match (self.outside_box, found) {
+            (OutsideBox::Hold, _) if self.has_left_box => (self.joints, None, outside),
+            (OutsideBox::Fade, _) if self.has_left_box => (none, None, outside),
+            (_, Ok((joints, known))) => match self.still_lost() {
+                None => (joints, known, fault),
+                lost => (none, None, lost),
+            },
+            (_, Err(fault)) => (none, None, Some(self.lose(fault))),
         }
     }
 

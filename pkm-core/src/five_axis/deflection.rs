@@ -133,7 +133,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         self.compensated_in_part(table, tool, wrench, T::ONE, near)
     }
 
-    /// The same for a share of the deflection, 0 to 1: as much as is known ([`TipUncertainty::known_share`](crate::TipUncertainty::known_share)).
+    /// The same for a share of the deflection, which no one limits to 0 to 1: as much as is known ([`TipUncertainty::known_share`](crate::TipUncertainty::known_share)).
     /// Where effects depend on the load that is not the deflection under a share of the load.
     ///
     /// # Errors

@@ -83,7 +83,7 @@ pub struct ToolSolution<T> {
     pub configuration: Configuration<T>,
     /// What the drives are told.
     pub joints: JointValues<T>,
-    /// Distance from the singularity locus, see [`FiveAxis::normalised_determinant`].
+    /// Distance from the singularity locus, see [`FiveAxis::normalised_determinant`]: of the iterative inverse where its last step began.
     pub normalised_determinant: T,
     /// Evaluations of the Newton step; 0 in closed form.
     pub iterations: u8,

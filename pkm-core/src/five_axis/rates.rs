@@ -40,7 +40,7 @@ pub struct JointMotion<T> {
 
 impl<T: Scalar> JointMotion<T> {
     /// The greatest share, at most 1, of the feed at which no joint is faster and none accelerates more than its limit, on the same curve at a
-    /// steady feed: velocities go with the share, accelerations with its square. 0 where a limit is 0 or a number is NaN.
+    /// steady feed: velocities go with the share, accelerations with its square. 0 where a number is NaN, or a joint moves whose limit is 0.
     ///
     /// # Arguments
     /// * `velocity`, `acceleration`: greatest sizes for each joint, in the units of the fields.

@@ -639,7 +639,7 @@ fn a_log_with_temperatures_is_read_as_of_a_machine_that_is_warm() {
     let cold = json(&["replay", "--log", &log_file, "--out", &out]);
     assert!(cold["refused"].as_array().unwrap().len() > 3, "{}", cold["refused"]);
 
-    for (cell, what) in [("", "found an empty cell"), ("2600", "no stiffness would be left")] {
+    for (cell, what) in [("", "found an empty cell"), ("2600", "no machine has this temperature")] {
         let wrong = log.replacen(",33\n", &format!(",{cell}\n"), 1);
         let log = folder.write("wrong.csv", &wrong);
         let error = refused(&["replay", "--machine", &machine, "--log", &log, "--out", &out]);

@@ -157,9 +157,18 @@ fn refusals_are_typed() {
     for w in [1.1e-3 * l, -1.2e-3 * l, 0.3] {
         assert!(compensated(&small, Vector3::new(0.1, 0.1, w)).is_ok(), "{w}");
     }
-    let huge = Deflection { translation_m: Vector3::new(0.0, 0.0, -0.5), rotation_rad: Vector3::zeros() };
+    // a hundredth of |AB| is the most that is made up for, however it comes about
+    let sunk = |m: f64| Deflection { translation_m: Vector3::new(0.0, 0.0, -m), rotation_rad: Vector3::zeros() };
+    let turned = |rad: f64| Deflection { rotation_rad: Vector3::new(rad, 0.0, 0.0), translation_m: Vector3::zeros() };
+    assert!(compensated(&sunk(0.00999 * l), tip).is_ok() && compensated(&turned(0.00999 * l / 0.3), tip).is_ok());
+    for far in [sunk(0.01001 * l), turned(0.01001 * l / 0.3), sunk(-0.5), sunk(1e200)] {
+        assert_eq!(compensated(&far, tip), Err(CompensationError::TooFar), "{far:?}");
+    }
     let error = KinematicsError::OutOfTravel { limb: 1 };
-    assert_eq!(compensated(&huge, tip), Err(CompensationError::Kinematics(error)));
+    let reached = |z0_m: &f64| MACHINE_F64.inverse(&Pose { z0_m: *z0_m, ..pose }).is_ok();
+    let last = (0..).map(|mm| 0.53 + 1e-3 * f64::from(mm)).take_while(reached).last().unwrap();
+    let beyond = MACHINE_F64.compensated(&Pose { z0_m: last, ..pose }, &sunk(2e-3), tip);
+    assert_eq!(beyond, Err(CompensationError::Kinematics(error)));
 
     let push = Wrench { force_n: Vector3::new(0.0, 0.0, -400.0), moment_nm: Vector3::zeros() };
     let cycle = |pose: &Pose<f64>, wrench: &Wrench<f64>, tip| TABLE_F64.cycle(&MACHINE_F64, pose, wrench, tip);
@@ -168,6 +177,9 @@ fn refusals_are_typed() {
     let broken = Wrench { force_n: Vector3::repeat(f64::NAN), ..push };
     assert_eq!(cycle(&pose, &broken, tip), Err(StiffnessError::NotFinite.into()));
     assert_eq!(cycle(&pose, &push, Vector3::zeros()), Err(CycleError::Compensation(CompensationError::Singular)));
+    // a load in millinewtons, or a sensor's full scale
+    let crash = Wrench { force_n: Vector3::new(4e5, 0.0, 0.0), ..push };
+    assert_eq!(cycle(&pose, &crash, tip), Err(CycleError::Compensation(CompensationError::TooFar)));
 }
 
 #[test]

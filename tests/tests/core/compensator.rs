@@ -53,6 +53,32 @@ fn settled(compensator: &mut Compensator<f64, 3>, pose: &Pose<f64>, reading: &Re
     update(compensator, pose, reading)
 }
 
+/// What a load does while the machine stands outside the table's box is part of what friction remembers.
+#[test]
+fn friction_remembers_a_load_outside_the_box() {
+    let effects = PARAMETERS.effects.with("friction-hysteresis", [5e-6, 0.0, 50.0]).unwrap();
+    let machine = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
+    let model = Model::new(&machine, &TABLE_F64);
+    let press = |n: f64| on(Wrench { force_n: Vector3::new(0.0, 0.0, n), ..Wrench::ZERO });
+    let after = |outside_box: OutsideBox, away: Pose<f64>| {
+        let mut c = compensator(&CompensatorSettings { outside_box, ..BARE });
+        for (pose, n) in [(POSE, 200.0), (away, 800.0), (away, 200.0)] {
+            (0..50).for_each(|_| _ = c.update(&model, &pose, TIP_M, &press(n)));
+        }
+        (0..50).map(|_| c.update(&model, &POSE, TIP_M, &press(200.0))).last().unwrap().joints
+    };
+    let once = after(OutsideBox::Fade, POSE);
+    let grown = {
+        let mut c = compensator(&BARE);
+        (0..50).map(|_| c.update(&model, &POSE, TIP_M, &press(200.0))).last().unwrap().joints
+    };
+    assert!((once - grown).norm() > 5e-6, "a load that was greater leaves {}", (once - grown).norm());
+    for outside_box in [OutsideBox::Fade, OutsideBox::Hold, OutsideBox::Extrapolate] {
+        let back = after(outside_box, OUTSIDE);
+        assert!((back - once).norm() < 1e-6, "{outside_box:?}: {} µm", 1e6 * (back - once).norm());
+    }
+}
+
 #[test]
 fn settings_out_of_range_are_named() {
     let d = CompensatorSettings::DEFAULT;

@@ -39,9 +39,13 @@ fn every_error_says_what_is_wrong() {
     ];
     assert_eq!(texts(&correction)[0], stiffness[1].to_string());
     assert!(texts(&correction)[2].contains("row 5"));
-    let compensation =
-        [CompensationError::NotFinite, CompensationError::Singular, CompensationError::Kinematics(kinematics[0])];
-    assert_eq!(texts(&compensation)[2], kinematics[0].to_string());
+    let compensation = [
+        CompensationError::NotFinite,
+        CompensationError::Singular,
+        CompensationError::TooFar,
+        CompensationError::Kinematics(kinematics[0]),
+    ];
+    assert_eq!(texts(&compensation)[3], kinematics[0].to_string());
     let cycle = [CycleError::Correction(correction[2]), CycleError::Compensation(compensation[1])];
     assert_eq!(texts(&cycle), [correction[2].to_string(), compensation[1].to_string()]);
     let tool = [

@@ -13,8 +13,8 @@ use pkm_core::tables::reference::{
     MACHINE_F32, MACHINE_F64, PARAMETERS, TABLE_F32, TABLE_F64, UNCERTAINTY_F64, WRIST, WRIST_F32, WRIST_F64,
 };
 use pkm_core::{
-    Basis, Configuration, CorrectionTable, Domain, FiveAxis, Machine, MachineParameters, Model, Pose, Scalar,
-    ToolError, Wrench,
+    Basis, CompensationError, Configuration, CorrectionTable, Domain, FiveAxis, Machine, MachineParameters, Model,
+    Pose, Scalar, ToolError, Wrench,
 };
 use pkm_tests::{
     between, cases, distance, keep_worst, random_parameters, random_pose, seeded, space, structural_stiffness,
@@ -564,7 +564,11 @@ fn what_cannot_be_a_weight_is_refused() {
     let turned = Configuration { beta_rad: Vector2::new(2.0, 0.0), ..HOME };
     let wrist = Fault::Tool(ToolError::WristLimit { joint: 1 });
     assert_eq!(five(&PLATFORM, &TOOL, &turned), Err(WeightError::NoReference(wrist)));
-    assert_eq!((new(&force(-1e5), &HOME.pose), new(&centre(10.0), &HOME.pose)), (Ok(()), Ok(())));
+    // ten tonnes along the limbs, and across them, where they displace the tip by centimetres
+    let along = Weight { force_n: Vector3::new(0.0, 0.0, -1e5), ..PLATFORM };
+    assert_eq!((new(&along, &HOME.pose), new(&centre(10.0), &HOME.pose)), (Ok(()), Ok(())));
+    let too_far = Fault::Compensation(CompensationError::TooFar);
+    assert_eq!(new(&force(-1e5), &HOME.pose), Err(WeightError::NoReference(too_far)));
     for error in [WeightError::NotFinite, WeightError::TooHeavy, WeightError::TooFar, WeightError::NoReference(wrist)] {
         assert!(!error.to_string().is_empty());
     }
