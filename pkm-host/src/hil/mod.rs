@@ -166,7 +166,12 @@ pub fn run(target: &Target, campaign: &Campaign, host: &HostModel<'_>, progress:
                 waiting.push_back(sent);
                 continue;
             }
-            let Some(sent) = waiting.pop_front() else { break };
+            let Some(sent) = waiting.pop_front() else {
+                let Some(sent) = next else { break };
+                let bytes = sent.line.len();
+                let message = format!("its input of {input_bytes} bytes does not hold a line of {bytes}");
+                return Err(Failure::other(message).in_file(&name));
+            };
             let reply = link.reply(&sent.line)?;
             bytes -= sent.line.len();
             findings.check(&link, host, &sent, &reply)?;

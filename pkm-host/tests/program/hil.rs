@@ -29,6 +29,8 @@ enum Fault {
     Fixed,
     /// Takes one bad line for good.
     Lenient,
+    /// Its input holds no line of a cycle.
+    Small,
     /// Never says anything.
     Silent,
     /// Says something else.
@@ -52,7 +54,7 @@ fn reply(fault: Fault, cycles: u32, bad_lines: u32, request: &Request) -> Vec<u8
             travel_min_m: PARAMETERS.travel.min_m,
             travel_max_m: PARAMETERS.travel.max_m,
             max_command_bytes: 512,
-            input_bytes: 2048,
+            input_bytes: if fault == Fault::Small { 100 } else { 2048 },
             stack_bytes: 4096,
         })),
         Command::Status => double(Answer::Status(Counters { cycles, bad_lines, ..Counters::default() })),
@@ -205,6 +207,7 @@ fn faults_are_found_and_named() {
         (Fault::OneBit, 1, "1 replies differ"),
         (Fault::Lenient, 1, "replies differ"),
         (Fault::Table, 2, "PKM_COEFFICIENTS"),
+        (Fault::Small, 1, "its input of 100 bytes does not hold a line of"),
         (Fault::Silent, 1, "no answer to hello, heard nothing"),
         (Fault::Noise, 1, "something else"),
         (Fault::Unplugged, 1, "the port is gone"),
