@@ -4,7 +4,7 @@
 //! [`crate::files::readings`] → `left_out` (what is wrong by itself) → `prepared` (readings and `model` as the engine takes them, by
 //! `experiment`, and the noise) → `checks` (are the readings what they are taken for?) → the engine's search → `findings`,
 //! [`compare`] (before and after, with the `residual_table`), `uncertainty` (how far its table may be off), `design` (what to
-//! measure) → `json`, `report`, `write`.
+//! measure) → `json`, `sentences`, `report`, `write`.
 
 mod advice;
 pub mod badges;
@@ -35,6 +35,7 @@ mod readings_table;
 pub mod report;
 mod residual_plots;
 mod residual_table;
+pub mod sentences;
 mod single_poses;
 mod state;
 #[cfg(test)]

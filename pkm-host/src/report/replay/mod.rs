@@ -180,7 +180,7 @@ fn of_which(diagnosed: &LogDiagnosis) -> String {
 /// What it says.
 fn diagnosis_said(diagnosed: &LogDiagnosis) -> Vec<String> {
     match &diagnosed.outcome {
-        Ok(diagnosis) => diagnose::report::findings(diagnosis).into_iter().map(|finding| finding.text).collect(),
+        Ok(diagnosis) => diagnose::sentences::findings(diagnosis).into_iter().map(|finding| finding.text).collect(),
         Err(failure) => vec![format!("No diagnosis: {}.", failure.message)],
     }
 }
