@@ -2,7 +2,7 @@
 
 use crate::error::{Failure, Result};
 
-/// A line of a [`Sheet`].
+/// A line with its cells.
 pub struct Row {
     /// Line in the file, from 1.
     pub line: u64,
