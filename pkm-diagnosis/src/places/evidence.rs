@@ -1,5 +1,7 @@
 //! Evidence of sets of blocks in the linear model at a state.
 
+mod settled;
+
 use std::collections::BTreeMap;
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
@@ -269,71 +271,6 @@ impl Evidence<'_> {
             p.with_held = with_held;
         }
         Some(())
-    }
-
-    /// ln evidence of a set, with the priors of its members. The variance of the noise is known from so many degrees of
-    /// freedom only, so that the readings are Student, not normal.
-    pub fn ln_evidence(&self, l: &Linear, set: &Set) -> f64 {
-        let rules = self.rules;
-        let p = &l.products[set.level];
-        let (taken, ln_declared) = &p.taken[set.scatter];
-        let (data, data_row) = (l.starts[l.wanted.len()], p.held.nrows() - 1);
-        let mut index: Vec<(usize, usize, f64)> = Vec::new();
-        let mut ln_prior = rules.ln_prior_of_scatter * set.scatter as f64 + rules.ln_prior_of_level * set.level as f64;
-        for (f, scale) in &set.members {
-            let Some(at) = l.position(*f) else { return f64::NEG_INFINITY };
-            index.extend((l.starts[at]..l.starts[at + 1]).map(|c| (at, c, *scale)));
-            ln_prior += self.families[*f].ln_prior - (rules.block_scales.len() as f64).ln();
-        }
-        let n = index.len();
-        let mut m = DMatrix::identity(n, n);
-        for i in 0..n {
-            for j in 0..=i {
-                let (a, b) = (index[i], index[j]);
-                let g = l.product(p, (a.0, a.1), (b.0, b.1)) - taken.column(a.1).dot(&taken.column(b.1));
-                m[(i, j)] += g * a.2 * b.2;
-                if i != j {
-                    m[(j, i)] = m[(i, j)];
-                }
-            }
-        }
-        let g = DVector::from_fn(n, |i, _| {
-            let (_, column, scale) = index[i];
-            (p.with_held[(data_row, column)] - taken.column(column).dot(&taken.column(data))) * scale
-        });
-        let all = p.with_held[(data_row, data)] - taken.column(data).norm_squared();
-        let Some(chol) = m.cholesky() else { return f64::NEG_INFINITY };
-        let rest = (all - g.dot(&chol.solve(&g))).max(f64::MIN_POSITIVE);
-        -0.5 * (ln_determinant(&chol) + ln_declared + self.misfit(rest)) + ln_prior
-    }
-
-    /// -2 ln of how likely readings are that leave so much, but for a constant. People declare a sensor's noise, or its resolution, and what
-    /// they read scatters more: declared noise may be greater than it is said to be, and not less.
-    fn misfit(&self, rest: f64) -> f64 {
-        let count = self.observed.len() as f64;
-        if !self.is_declared {
-            (self.dof + count) * (rest / self.dof).ln_1p()
-        } else if rest <= count {
-            rest
-        } else {
-            count + (self.dof + count) * ((self.dof + rest) / (self.dof + count)).ln()
-        }
-    }
-
-    /// The best scale of one member, and level, for a set.
-    pub fn best_scale(&self, l: &Linear, set: &Set, member: usize) -> (f64, Set) {
-        let levels = 0..self.whiteners.len();
-        let tries: Vec<(f64, usize)> =
-            self.rules.block_scales.iter().flat_map(|s| levels.clone().map(|level| (*s, level))).collect();
-        let of = |(scale, level): (f64, usize)| {
-            let mut set = set.clone();
-            set.members[member].1 = scale;
-            set.level = level;
-            (self.ln_evidence(l, &set), set)
-        };
-        // side by side, as a block with columns for each pose takes as long as all others together
-        let tried: Vec<(f64, Set)> = tries.into_par_iter().map(of).collect();
-        tried.into_iter().max_by(|a, b| a.0.total_cmp(&b.0)).unwrap_or((f64::NEG_INFINITY, set.clone()))
     }
 
     /// The best scales, level and scatter of a set, one after another until nothing changes much.

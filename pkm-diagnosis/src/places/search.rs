@@ -90,15 +90,16 @@ impl Search<'_> {
     /// Adds families of low rank about what the whole compliances would be.
     fn derive(&mut self) -> Option<()> {
         let e = &self.evidence;
+        let others = e.without_member(&self.linear, &self.best.set);
         let mut new = Vec::new();
         for f in self.open() {
             let (block, family) = (e.block(f), &e.families[f]);
             if block.forces == 0 || family.combinations.is_some() {
                 continue;
             }
-            let set = self.best.set.with(f, e.rules.block_scales[0]);
+            let (_, scale, level) = e.best_member(&self.linear, &others, f);
+            let set = Set { level, ..self.best.set.with(f, scale) };
             let last = set.members.len() - 1;
-            let (_, set) = e.best_scale(&self.linear, &set, last);
             let Some((state, _)) = e.solve(&self.linear, &set) else { continue };
             for rank in 1..=2 {
                 if let Some(combinations) = low_rank::tangent(&state.blocks[last].1, block.forces, rank) {
@@ -113,11 +114,14 @@ impl Search<'_> {
         self.evidence.widen(&mut self.linear, &all)
     }
 
-    /// Sets that differ from the best by one member, by their evidence at the best state.
-    fn ranked(&self, change: impl Fn(usize) -> (Set, usize) + Sync) -> Vec<(f64, Set)> {
+    /// Sets of some members and one more, which goes to a place among them, by their evidence at the best state.
+    fn ranked(&self, others: &Set, at: usize) -> Vec<(f64, Set)> {
+        let settled = self.evidence.without_member(&self.linear, others);
         let of = |f: usize| {
-            let (set, member) = change(f);
-            self.evidence.best_scale(&self.linear, &set, member)
+            let (ln, scale, level) = self.evidence.best_member(&self.linear, &settled, f);
+            let mut set = Set { level, ..others.clone() };
+            set.members.insert(at, (f, scale));
+            (ln, set)
         };
         let mut ranked: Vec<(f64, Set)> = self.open().into_par_iter().map(of).collect();
         ranked.sort_by(|a, b| b.0.total_cmp(&a.0));
@@ -127,9 +131,7 @@ impl Search<'_> {
     /// Adds the best family; false if none gains enough.
     fn forward(&mut self) -> Option<bool> {
         self.derive()?;
-        let members = self.best.set.members.len();
-        let scale = self.evidence.rules.block_scales[0];
-        let ranked = self.ranked(|f| (self.best.set.with(f, scale), members));
+        let ranked = self.ranked(&self.best.set, self.best.set.members.len());
         let tried = ranked.iter().take(self.evidence.rules.blocks_tried);
         let tried: Vec<Tried> = tried.filter_map(|(_, set)| self.tried(set)).collect();
         let best = tried.into_iter().max_by(|a, b| a.ln.total_cmp(&b.ln));
@@ -150,12 +152,7 @@ impl Search<'_> {
                 self.accept(tried)?;
                 continue;
             }
-            let exchanged = |f: usize| {
-                let mut set = self.best.set.clone();
-                set.members[at].0 = f;
-                (set, at)
-            };
-            let ranked = self.ranked(exchanged);
+            let ranked = self.ranked(&without, at);
             let floor = self.best.ln - rules.exchange_margin;
             let close: Vec<Set> = ranked.into_iter().take(3).filter(|r| r.0 > floor).map(|r| r.1).collect();
             let tried: Vec<Tried> = close.iter().filter_map(|set| self.tried(set)).collect();
@@ -183,12 +180,7 @@ impl Search<'_> {
     /// One member's place: all that could stand there, the other members kept.
     fn finding(&mut self, at: usize) -> Option<Finding> {
         let own = self.best.set.members[at].0;
-        let exchanged = |f: usize| {
-            let mut set = self.best.set.clone();
-            set.members[at].0 = f;
-            (set, at)
-        };
-        let ranked = self.ranked(exchanged);
+        let ranked = self.ranked(&self.best.set.without(at), at);
         let floor = self.best.ln - self.evidence.rules.rival_margin;
         // one rival a place, or places that act alike, the likeliest: how many blocks these have says nothing of them
         let mut seen: Vec<Vec<String>> = vec![self.places(own)];
