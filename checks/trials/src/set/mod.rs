@@ -11,7 +11,7 @@ use std::path::Path;
 use nalgebra::{DVector, Vector6};
 use serde_json::{Value, json};
 
-use self::measuring::{HeldOut, LAYOUTS, held_out, layouts_for, misaim, noise, plan, pose_in, round};
+use self::measuring::{HeldOut, LAYOUTS, NOISE, held_out, layouts_for, misaim, noise, plan, pose_in, round};
 use self::tuning::{Tuning, whitened};
 use crate::Random;
 use crate::effects::{self, Effect, LISTED, Needs, OUTSIDE, Spec};
@@ -77,6 +77,9 @@ pub struct Wish {
     /// Read in steps of so many micrometres, and of five times as many microradians
     #[arg(long)]
     pub step_um: Option<f64>,
+    /// Read each load once, and declare the noise so many times as great as it is
+    #[arg(long)]
+    pub declared: Option<f64>,
 }
 
 /// Relative scatter of declared stiffnesses.
@@ -95,6 +98,8 @@ pub struct Set {
     poses: Vec<Pose>,
     rows: Vec<Row>,
     readings: Vec<Vector6<f64>>,
+    /// Of one reading: µm and µrad.
+    declared_noise: Option<[f64; 2]>,
     held: HeldOut,
     /// So many more that their error is that of all that could be held out.
     many_held: HeldOut,
@@ -173,6 +178,7 @@ impl Set {
             poses,
             rows,
             readings: Vec::new(),
+            declared_noise: None,
             held,
             many_held: HeldOut { poses: Vec::new(), rows: Vec::new(), zones: Vec::new(), values: Vec::new() },
             rotations,
@@ -197,11 +203,21 @@ impl Set {
         if let Some(step_um) = wish.step_um {
             round(&mut set.readings, step_um);
         }
+        if let Some(factor) = wish.declared {
+            set.read_once(factor);
+        }
         set.many_held = held_out(rng, &set.declared, angle, !levels.moment.is_empty(), temperature, 12);
         for held in [&mut set.held, &mut set.many_held] {
             held.values = set.world.deflections(&held.poses, &held.rows, wish.sensed_heldout);
         }
         Ok(Some(set))
+    }
+
+    /// Leaves the first reading of each load, and declares its noise: so many times as great as it is.
+    fn read_once(&mut self, factor: f64) {
+        let both = std::mem::take(&mut self.rows).into_iter().zip(std::mem::take(&mut self.readings));
+        (self.rows, self.readings) = both.filter(|(row, _)| row.repeat == 1).unzip();
+        self.declared_noise = Some(NOISE.map(|[reading, zero]| factor * reading.hypot(zero)));
     }
 
     /// What changes in the readings from one machine to another, whitened.
@@ -301,7 +317,11 @@ impl Set {
                 .map_err(|e| format!("{}: {e}", folder.join(name).display()))
         };
         put("machine.toml", self.declared.toml("trial"))?;
-        let measured = self.csv(&self.poses, &self.rows, &self.readings, 1, 2);
+        let mut measured = self.csv(&self.poses, &self.rows, &self.readings, 1, 2);
+        if let Some([linear, angular]) = self.declared_noise {
+            let numbers = format!(",{linear:.3},{angular:.3}\n");
+            measured = measured.replace('\n', &numbers).replacen(&numbers, ",sigma_linear_um,sigma_angular_urad\n", 1);
+        }
         put("measured.csv", measured)?;
         let csv = |held: &HeldOut| self.csv(&held.poses, &held.rows, &held.values, 101, 4);
         put("heldout.csv", csv(&self.held))?;
