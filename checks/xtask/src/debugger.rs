@@ -31,8 +31,7 @@ impl Debugger {
             if let Ok(stream) = UnixStream::connect(socket) {
                 stream.set_read_timeout(Some(Duration::from_secs(20))).map_err(|e| e.to_string())?;
                 let mut debugger = Self { stream, unread: Vec::new() };
-                // the processor stops when a debugger comes
-                // QEMU gives single registers to those alone that have asked what there is
+                // connecting stops the processor; QEMU reads single registers only after it was asked for its description of the target
                 debugger.ask("qXfer:features:read:target.xml:0,10")?;
                 return Ok(debugger);
             }

@@ -69,7 +69,7 @@ impl Flaw {
         let limb = &t.limbs[self.limb];
         let along: Vector3<f64> = self.frame(t, limb).column(self.axis).into_owned();
         let (translation, rotation) = if self.is_turn {
-            ((-limb.joints_m[self.end]).cross(&along).scale(-1.0), along)
+            (limb.joints_m[self.end].cross(&along), along)
         } else if self.end == 0 {
             (along, Vector3::zeros())
         } else {
