@@ -42,6 +42,15 @@ pub(crate) struct Args {
     unloaded: bool,
 }
 
+/// Of held-out readings that are those of the fit.
+fn warn_if_same(session: &mut Session, data: &Source, holdout: Option<&Source>) {
+    if holdout.is_some_and(|holdout| holdout.sha256() == data.sha256()) {
+        session
+            .warn(["--holdout is the same file as --data: its errors say nothing of other readings, so give others"
+                .to_owned()]);
+    }
+}
+
 /// `diagnose --unloaded`.
 fn run_unloaded(args: &Args, session: &mut Session) -> Result<Output> {
     let file = session.machine()?;
@@ -55,9 +64,7 @@ fn run_unloaded(args: &Args, session: &mut Session) -> Result<Output> {
     if unloaded.has_wrist() {
         session.warn(file.wrist_warning());
     }
-    if held_out.as_ref().is_some_and(|h| h.source.sha256() == unloaded.source.sha256()) {
-        session.warn(["--holdout has the readings of --data, and says nothing of others".to_owned()]);
-    }
+    warn_if_same(session, &unloaded.source, held_out.as_ref().map(|h| &h.source));
     let found = geometry::identify(&file, &unloaded, held_out.as_ref())?;
     let json = found.to_json();
     let machine_toml = geometry::write::machine_toml(&file, &found)?;
@@ -93,9 +100,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let held_out = holdout.as_deref().map(read_held_out).transpose()?;
     session.warn(readings.warnings.iter().chain(held_out.iter().flat_map(|h| &h.warnings)).cloned());
     session.warn(quality::check_rows(&sheet).iter().map(|w| w.text(&readings.source.name)));
-    if held_out.as_ref().is_some_and(|h| h.source.sha256() == readings.source.sha256()) {
-        session.warn(["--holdout has the readings of --data, and says nothing of others".to_owned()]);
-    }
+    warn_if_same(session, &readings.source, held_out.as_ref().map(|h| &h.source));
     let diagnosis = diagnose::diagnose(&file, &readings, held_out.as_ref(), *method, &Rules::DEFAULT, &bar())?;
     let machine_toml = write::machine_toml(&file, &diagnosis)?;
     let improved = MachineFile::parse(Source::from_text("machine.toml", machine_toml.clone()))?;

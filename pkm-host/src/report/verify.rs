@@ -26,9 +26,7 @@ fn sentence(c: &Change) -> String {
 fn findings(v: &Verification) -> Vec<Finding> {
     let changed: Vec<&Change> = v.changes.iter().filter(|c| ["softer", "stiffer"].contains(&c.verdict)).collect();
     let verdict = match (v.verdict, changed.first()) {
-        (INCONCLUSIVE, _) => {
-            Finding::bad("Nothing can be concluded: of one of the two diagnoses the measurement is unsound.")
-        }
+        (INCONCLUSIVE, _) => Finding::bad("No conclusion: the measurement of one of the two diagnoses is unsound."),
         ("unchanged", _) => {
             let least = v.changes.iter().map(|c| c.expanded_uncertainty_percent).fold(0.0, f64::max);
             Finding::good(format!(
@@ -57,7 +55,7 @@ fn advice(v: &Verification) -> [Finding; 2] {
     } else if v.doubts.is_empty() {
         "noise alone would bring a change as great as those that are named in one comparison of a hundred."
     } else {
-        "less than the figures say: the two diagnoses cannot be compared in all: see what is to be kept in mind."
+        "less than the figures say: the two diagnoses can be compared in part only: see what is to be kept in mind."
     };
     let todo = match (v.verdict, v.doubts.is_empty()) {
         ("unchanged", true) => "nothing: tables and compensation stay as they are.",
