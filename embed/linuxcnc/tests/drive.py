@@ -279,7 +279,7 @@ def run():
     command.home(-1)
     until("homed", lambda s: all(s.homed[:5]) and s.inpos)
     # behind homing the controller changes to its axes on its own
-    time.sleep(0.3)
+    run_for(0.3)
     done("home")
 
     for place in wish["places"]:
