@@ -210,7 +210,7 @@ wrist!(f64, over_numbers);
 
 /// Where the wrist holds the tool, in A-uvw.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Held<T> {
+pub(crate) struct WristPosture<T> {
     pub sin1: T,
     pub cos1: T,
     pub sin2: T,
@@ -230,10 +230,10 @@ impl<T: Scalar> Wrist<T> {
     }
 
     #[inline(always)] // where it is needed most, its parts stay in registers
-    pub(crate) fn held(&self, beta: Vector2<T>) -> Held<T> {
+    pub(crate) fn held(&self, beta: Vector2<T>) -> WristPosture<T> {
         let ((sin1, cos1), (sin2, cos2)) = (beta.x.sin_cos(), beta.y.sin_cos());
         let [r, h] = self.arm_m(sin2, cos2).into();
-        Held { sin1, cos1, sin2, cos2, r, h, tip: Vector3::new(self.offset + cos1 * r, sin1 * r, h) }
+        WristPosture { sin1, cos1, sin2, cos2, r, h, tip: Vector3::new(self.offset + cos1 * r, sin1 * r, h) }
     }
 
     /// The first joint, from 1, that is beyond its limits.
@@ -244,7 +244,7 @@ impl<T: Scalar> Wrist<T> {
     }
 }
 
-impl<T: Scalar> Held<T> {
+impl<T: Scalar> WristPosture<T> {
     /// Axes of T_h in A-uvw, as columns: x, y, z; z is the tool's axis.
     pub fn axes(&self) -> Matrix3<T> {
         frame(

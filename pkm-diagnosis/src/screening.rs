@@ -40,7 +40,7 @@ fn seen(v: &DMatrix<f64>, limit: f64) -> (Vec<f64>, DMatrix<f64>) {
 }
 
 /// Columns of a candidate of which all choices are tried: the time doubles with each.
-const MOST_CHOSEN: usize = 12;
+const MAX_CHOSEN: usize = 12;
 
 /// The columns of a candidate that explain most for what they cost, with the steps of their amplitudes, those of
 /// one-sided ones positive: by trying all choices of a few columns; of more of them by leaving out what comes out negative, then one
@@ -58,7 +58,7 @@ fn best_choice(s: &DVector<f64>, v: &DMatrix<f64>, one_sided: &[bool]) -> (f64, 
         let negative: Vec<usize> = used.iter().copied().filter(|i| one_sided[*i] && all[*i] < 0.0).collect();
         Some((step.dot(&part) - factor.ln_determinant(), all, negative))
     };
-    if n > MOST_CHOSEN {
+    if n > MAX_CHOSEN {
         let possible = |mut used: Vec<usize>| loop {
             let (gain, all, negative) = with(&used)?;
             if negative.is_empty() {

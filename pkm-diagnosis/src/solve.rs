@@ -39,7 +39,7 @@ const STEP: f64 = 1e-4;
 /// Step of the one-sided ones.
 const SHORT_STEP: f64 = 1e-6;
 /// How often a fit that has taken all its steps goes on from where it is: along a bent valley it takes many.
-const MOST_RESTARTS: usize = 4;
+const MAX_RESTARTS: usize = 4;
 
 impl<'a> Problem<'a> {
     /// Puts them together.
@@ -247,7 +247,7 @@ impl<'a> Problem<'a> {
             .with_patience(2);
         let has_lost_patience = |ended: &TerminationReason| matches!(ended, TerminationReason::LostPatience);
         let (mut found, mut report) = solver.minimize(squares);
-        for _ in 0..MOST_RESTARTS {
+        for _ in 0..MAX_RESTARTS {
             if has_lost_patience(&report.termination) {
                 (found, report) = solver.minimize(found);
             }

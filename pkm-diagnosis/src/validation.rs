@@ -137,7 +137,7 @@ pub fn fold_of(observations: &Observations, rules: &Rules) -> Vec<usize> {
 }
 
 /// Most readings of which three folds are made at once.
-const FEW_READINGS: usize = 20_000;
+const MAX_READINGS_AT_ONCE: usize = 20_000;
 
 /// Which poses are left out.
 pub type LeftOut<'a> = dyn Fn(usize) -> bool + 'a;
@@ -156,7 +156,7 @@ pub fn cross_validate<E: Send>(
     let without = |fold: usize| refit(&|pose| fold_of[pose] == fold);
     let mut found: Vec<(Vec<Vec<f64>>, E)> = Vec::new();
     // many readings keep the cores busy: searches at once take half as much memory again and hardly less time
-    let at_once = if observations.readings.len() > FEW_READINGS { 1 } else { 3 };
+    let at_once = if observations.readings.len() > MAX_READINGS_AT_ONCE { 1 } else { 3 };
     for first in (0..folds).step_by(at_once) {
         let these: Option<Vec<_>> = (first..folds.min(first + at_once)).into_par_iter().map(without).collect();
         found.extend(these?);

@@ -13,7 +13,7 @@ use crate::observations::Observations;
 use crate::rules::Rules;
 
 /// Singular values of loads below this share of the greatest are none.
-const SMALL_SINGULAR: f64 = 1e-9;
+const MIN_SINGULAR: f64 = 1e-9;
 
 /// Zeros of one channel: number, sum of squares, and that of the factors by which the variance of a reading is in them.
 #[derive(Clone, Copy, Default)]
@@ -86,7 +86,7 @@ fn zero(
     let (u, greatest) = (svd.u?, svd.singular_values.max());
     let mut ones = DVector::from_element(read.len(), 1.0);
     for (column, singular) in u.column_iter().zip(&svd.singular_values) {
-        if *singular > SMALL_SINGULAR * greatest {
+        if *singular > MIN_SINGULAR * greatest {
             let along = column.sum();
             ones.axpy(-along, &column, 1.0);
         }

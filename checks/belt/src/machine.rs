@@ -17,7 +17,7 @@ pub const COORDINATE_NAMES: [&str; COORDINATES] = ["br x", "tr x", "tr y", "tl x
 /// Gauss-Newton steps to the place of the sled at most: each gains three digits, as effects change directions by 0.1 %.
 const MAX_STEPS: usize = 20;
 /// Step at which the place of the sled counts as found, m: the next one would be below 1e-12.
-const SMALL_STEP_M: f64 = 1e-9;
+const MAX_LAST_STEP_M: f64 = 1e-9;
 
 /// The four anchors in the plane of the sled: bl is the origin, and br lies on the x axis.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -200,7 +200,7 @@ impl Machine {
             let residual = (lengths_m - self.read_m(&sled)).component_mul(weights);
             let step = (jacobian.transpose() * jacobian).try_inverse()? * (jacobian.transpose() * residual);
             place += step;
-            if step.norm() < SMALL_STEP_M {
+            if step.norm() < MAX_LAST_STEP_M {
                 return Some(place);
             }
         }

@@ -34,11 +34,11 @@ struct Possible {
 
 /// A share of a length that would be large: steel wire and timing belts stretch by 1 % at most in service, and a worn or
 /// miscounted drum is hardly farther off.
-const LARGE_SHARE: f64 = 0.01;
+const MAX_SHARE: f64 = 0.01;
 /// A length by which an anchor or a zero could plausibly be off, m.
-const LARGE_LENGTH_M: f64 = 0.03;
+const MAX_LENGTH_ERROR_M: f64 = 0.03;
 /// Squared weight per metre over the pull: a belt of 10 g/m under 10 N, 1/m².
-const LARGE_SAG: f64 = 1e-4;
+const MAX_SAG: f64 = 1e-4;
 
 const PULL: &str = "measuring pull";
 const WEIGHT: &str = "weight of the sled";
@@ -60,27 +60,27 @@ const POSSIBLE: [Possible; 20] = {
     use Group::{All, Lower, One, Upper};
     [
         // belts of one make: a pull that stretches the lower ones stretches the upper ones that carry it
-        of(&["lower belts", "upper belts"], "stretch", PULL, Stretch(All, Load::Pull), LARGE_SHARE),
-        of(&["lower belts"], "stretch", PULL, Stretch(Lower, Load::Pull), LARGE_SHARE),
-        of(&["upper belts"], "stretch", PULL, Stretch(Upper, Load::Pull), LARGE_SHARE),
-        of(&["upper belts"], "stretch", WEIGHT, Stretch(Upper, Load::Weight), LARGE_SHARE),
-        of(&["lower anchors", "upper anchors"], "yielding", PULL, Yielding(All, Load::Pull), LARGE_LENGTH_M),
+        of(&["lower belts", "upper belts"], "stretch", PULL, Stretch(All, Load::Pull), MAX_SHARE),
+        of(&["lower belts"], "stretch", PULL, Stretch(Lower, Load::Pull), MAX_SHARE),
+        of(&["upper belts"], "stretch", PULL, Stretch(Upper, Load::Pull), MAX_SHARE),
+        of(&["upper belts"], "stretch", WEIGHT, Stretch(Upper, Load::Weight), MAX_SHARE),
+        of(&["lower anchors", "upper anchors"], "yielding", PULL, Yielding(All, Load::Pull), MAX_LENGTH_ERROR_M),
         // under the constant pull a zero of both lower belts is the same
-        of(&["lower anchors"], "yielding", PULL, Yielding(Lower, Load::Pull), LARGE_LENGTH_M),
-        of(&["upper anchors"], "yielding", PULL, Yielding(Upper, Load::Pull), LARGE_LENGTH_M),
-        of(&["upper anchors"], "yielding", WEIGHT, Yielding(Upper, Load::Weight), LARGE_LENGTH_M),
-        of(&["lower belts", "upper belts"], "sag", "own weight", Sag(All), LARGE_SAG),
-        of(&["zero of all belts"], "zero error", CONSTANT, Zero(All), LARGE_LENGTH_M),
-        of(&["zero of belt bl"], "zero error", CONSTANT, Zero(One(0)), LARGE_LENGTH_M),
-        of(&["zero of belt br"], "zero error", CONSTANT, Zero(One(1)), LARGE_LENGTH_M),
-        of(&["zero of belt tr"], "zero error", CONSTANT, Zero(One(2)), LARGE_LENGTH_M),
-        of(&["zero of belt tl"], "zero error", CONSTANT, Zero(One(3)), LARGE_LENGTH_M),
-        of(&["encoder of belt bl"], "scale error", LENGTH, Scale(One(0)), LARGE_SHARE),
-        of(&["encoder of belt br"], "scale error", LENGTH, Scale(One(1)), LARGE_SHARE),
-        of(&["encoder of belt tr"], "scale error", LENGTH, Scale(One(2)), LARGE_SHARE),
-        of(&["encoder of belt tl"], "scale error", LENGTH, Scale(One(3)), LARGE_SHARE),
-        of(&["encoders of the upper belts"], "scale error", LENGTH, Scale(Upper), LARGE_SHARE),
-        of(&["encoders of all belts"], "scale error", LENGTH, Scale(All), LARGE_SHARE),
+        of(&["lower anchors"], "yielding", PULL, Yielding(Lower, Load::Pull), MAX_LENGTH_ERROR_M),
+        of(&["upper anchors"], "yielding", PULL, Yielding(Upper, Load::Pull), MAX_LENGTH_ERROR_M),
+        of(&["upper anchors"], "yielding", WEIGHT, Yielding(Upper, Load::Weight), MAX_LENGTH_ERROR_M),
+        of(&["lower belts", "upper belts"], "sag", "own weight", Sag(All), MAX_SAG),
+        of(&["zero of all belts"], "zero error", CONSTANT, Zero(All), MAX_LENGTH_ERROR_M),
+        of(&["zero of belt bl"], "zero error", CONSTANT, Zero(One(0)), MAX_LENGTH_ERROR_M),
+        of(&["zero of belt br"], "zero error", CONSTANT, Zero(One(1)), MAX_LENGTH_ERROR_M),
+        of(&["zero of belt tr"], "zero error", CONSTANT, Zero(One(2)), MAX_LENGTH_ERROR_M),
+        of(&["zero of belt tl"], "zero error", CONSTANT, Zero(One(3)), MAX_LENGTH_ERROR_M),
+        of(&["encoder of belt bl"], "scale error", LENGTH, Scale(One(0)), MAX_SHARE),
+        of(&["encoder of belt br"], "scale error", LENGTH, Scale(One(1)), MAX_SHARE),
+        of(&["encoder of belt tr"], "scale error", LENGTH, Scale(One(2)), MAX_SHARE),
+        of(&["encoder of belt tl"], "scale error", LENGTH, Scale(One(3)), MAX_SHARE),
+        of(&["encoders of the upper belts"], "scale error", LENGTH, Scale(Upper), MAX_SHARE),
+        of(&["encoders of all belts"], "scale error", LENGTH, Scale(All), MAX_SHARE),
     ]
 };
 

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use clap::{Parser, Subcommand};
 use pkm_trials::effects::{COUPLING, LISTED, OUTSIDE};
 use pkm_trials::score::{self, Outcome};
-use pkm_trials::set::{Kind, Set, Wish};
+use pkm_trials::set::{Conditions, Kind, Set};
 use pkm_trials::stiffness::{self, Stiff};
 use pkm_trials::unloaded::{self, Case};
 use pkm_trials::{life, uncertainty, unloaded_score};
@@ -32,7 +32,7 @@ enum Command {
         #[arg(long)]
         seed: u64,
         #[command(flatten)]
-        wish: Wish,
+        conditions: Conditions,
         /// Folder for machine.toml, measured.csv, heldout.csv, heldout_zones.csv and truth.json
         #[arg(long)]
         out: PathBuf,
@@ -52,7 +52,7 @@ enum Command {
         #[arg(long, value_delimiter = ',', default_value = "none,one,two,declared,outside,load-errors")]
         kinds: Vec<Kind>,
         #[command(flatten)]
-        wish: Wish,
+        conditions: Conditions,
         /// Sets at a time
         #[arg(long, default_value_t = 2)]
         jobs: usize,
@@ -255,26 +255,28 @@ const SEEDS: [u64; 2] = [1, 2];
 
 /// Writes the sets that the project keeps.
 fn fixtures(out: &Path) -> Result<(), String> {
-    let wish = |effect: Option<&str>, lambda| Wish {
+    let conditions = |effect: Option<&str>, lambda| Conditions {
         effect: effect.map(str::to_owned),
         lambda,
         poses: Some(10),
-        ..Wish::default()
+        ..Conditions::default()
     };
-    let write = |name: &str, kind, seed, wish: &Wish| {
-        Set::new(kind, seed, wish).and_then(|set| set.write(&out.join(name), false)).map_err(|e| format!("{name}: {e}"))
+    let write = |name: &str, kind, seed, conditions: &Conditions| {
+        Set::new(kind, seed, conditions)
+            .and_then(|set| set.write(&out.join(name), false))
+            .map_err(|e| format!("{name}: {e}"))
     };
     for spec in LISTED.iter().chain([&COUPLING]) {
         for (size, lambda) in SIZES {
-            write(&format!("own-{}-{size}", spec.id), Kind::One, SEEDS[0], &wish(Some(spec.id), Some(lambda)))?;
+            write(&format!("own-{}-{size}", spec.id), Kind::One, SEEDS[0], &conditions(Some(spec.id), Some(lambda)))?;
         }
     }
     for spec in &OUTSIDE {
-        write(&format!("own-outside-{}", spec.id), Kind::Outside, SEEDS[0], &wish(Some(spec.id), Some(200.0)))?;
+        write(&format!("own-outside-{}", spec.id), Kind::Outside, SEEDS[0], &conditions(Some(spec.id), Some(200.0)))?;
     }
     for kind in [Kind::None, Kind::LoadErrors, Kind::Declared, Kind::Two] {
         for seed in SEEDS {
-            write(&format!("own-{}-{seed}", kind.name()), kind, seed, &wish(None, None))?;
+            write(&format!("own-{}-{seed}", kind.name()), kind, seed, &conditions(None, None))?;
         }
     }
     Ok(())
@@ -282,19 +284,21 @@ fn fixtures(out: &Path) -> Result<(), String> {
 
 fn run(command: Command) -> Result<(), String> {
     match command {
-        Command::Make { kind, seed, wish, out } => Set::new(kind, seed, &wish).and_then(|s| s.write(&out, false)),
+        Command::Make { kind, seed, conditions, out } => {
+            Set::new(kind, seed, &conditions).and_then(|s| s.write(&out, false))
+        }
         Command::Fixtures { out } => fixtures(&out),
         Command::Stiffness { machine, out } => {
             let csv = stiffness::csv(machine);
             csv.and_then(|csv| std::fs::write(&out, csv).map_err(|e| format!("{}: {e}", out.display())))
         }
-        Command::Run { program, sets, seed, kinds, wish, jobs, keep, verbose, markdown } => {
+        Command::Run { program, sets, seed, kinds, conditions, jobs, keep, verbose, markdown } => {
             say(&format!("seed {seed}, {sets} sets of each kind"));
             let tasks: Vec<(Kind, u64)> = kinds.iter().flat_map(|k| (seed..seed + sets).map(|s| (*k, s))).collect();
             let work = |(kind, seed): &(Kind, u64)| {
                 let folder = tempfile::tempdir().map_err(|e| format!("temporary folder: {e}"))?;
                 let folder = keep.as_deref().unwrap_or(folder.path()).join(format!("{}-{seed}", kind.name()));
-                Set::new(*kind, *seed, &wish)?.write(&folder, true)?;
+                Set::new(*kind, *seed, &conditions)?.write(&folder, true)?;
                 Outcome::of(&program, &folder)
             };
             all_of(&tasks, jobs, |o: &Outcome| verbose.then(|| o.line()), work)

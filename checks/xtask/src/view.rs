@@ -13,7 +13,7 @@ use crate::{Outcome, axe, root};
 const DESKTOP: [u32; 2] = [1280, 800];
 const MOBILE: [u32; 2] = [375, 812];
 /// Greatest size of a page with a path and a placement, bytes.
-const LARGEST: u64 = 1_500_000;
+const MAX_PAGE_BYTES: u64 = 1_500_000;
 /// Frames that are asked for, each of which has to come.
 const FRAMES: u32 = 30;
 
@@ -64,8 +64,8 @@ pub fn look(browser: &mut Browser, out: &Path) -> Result<Vec<String>, String> {
     let other = written(out, "view-x150.html", &[format!("--machine={}", machine.display())])?;
     let size = std::fs::metadata(&page).map_err(|e| e.to_string())?.len();
     let mut wrong = Vec::new();
-    if size > LARGEST {
-        wrong.push(format!("view: {size} bytes, {LARGEST} at the most"));
+    if size > MAX_PAGE_BYTES {
+        wrong.push(format!("view: {size} bytes, {MAX_PAGE_BYTES} at the most"));
     }
     for (name, path, window, dark) in [
         ("view-dark", &page, DESKTOP, true),

@@ -3,18 +3,18 @@
 use core::fmt::{self, Display, Write};
 
 /// Most bytes of a text.
-const LONGEST: usize = 112;
+const MAX_BYTES: usize = 112;
 
 /// A text of at most 112 bytes; what is longer is cut between two characters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Text {
-    bytes: [u8; LONGEST],
+    bytes: [u8; MAX_BYTES],
     length: usize,
 }
 
 impl Text {
     /// None.
-    pub const EMPTY: Self = Self { bytes: [0; LONGEST], length: 0 };
+    pub const EMPTY: Self = Self { bytes: [0; MAX_BYTES], length: 0 };
 
     /// What something says of itself.
     pub fn of(said: &impl Display) -> Self {

@@ -17,7 +17,7 @@ pub const CHANGE: f64 = 5.3;
 /// Of χ², by the number of components: exceeded by 1e-7 of healthy readings.
 const GATE: [f64; MAX_COMPONENTS] = [28.37, 32.24, 35.41, 38.24, 40.86, 43.34];
 /// An innovation counts in the sums as this many deviations at most.
-const MOST_DEVIATIONS: f64 = 3.0;
+const MAX_COUNTED_SD: f64 = 3.0;
 /// Forgetting factor of the sums, per reading.
 const REMEMBERED: f64 = 1.0 - 1.0 / 16.0;
 /// A reading tells something when all that was unknown at the start shows in it by this share of its variance.
@@ -36,7 +36,7 @@ const LIKELY: f64 = 13.8;
 /// one.
 const OWN: f64 = 2.58;
 /// Deviations beyond what is worth an alarm, from which on the probability of that is 0.95.
-const SURE: f64 = 1.644_853_6;
+const ALARM_SD: f64 = 1.644_853_6;
 /// Of a change since acceptance: what of it is not known, squared, in variances; see [`Estimator::targets`].
 const DOUBT: f64 = 4.0;
 /// The share of what is worth an alarm that counts as a deviation of every change: what no reading tells of, such as stiffnesses that are
@@ -434,7 +434,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             opposite |= due * *read < T::ZERO && due * due > least && *read * *read > least;
             let squared = beyond * beyond / variance;
             chi_squared += squared;
-            let most = T::from_f64(MOST_DEVIATIONS * MOST_DEVIATIONS);
+            let most = T::from_f64(MAX_COUNTED_SD * MAX_COUNTED_SD);
             let counted = if squared > most { (most / squared).sqrt() } else { T::ONE };
             let (share, innovation) = (T::ONE / variance, beyond * counted);
             for ((sum, total), weight) in sums.iter_mut().zip(&mut variances).zip(&weights) {
@@ -617,6 +617,6 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let deviation = self.filter.variance(n).sqrt();
         // innovations of one sign prove that something has changed; that it is this one, its own change
         let is_proven = change >= T::from_f64(if *changed_at > 0 { OWN } else { CHANGE }) * deviation;
-        is_proven && is_believed(self.readings, *changed_at) && change - own.alarm >= T::from_f64(SURE) * deviation
+        is_proven && is_believed(self.readings, *changed_at) && change - own.alarm >= T::from_f64(ALARM_SD) * deviation
     }
 }

@@ -6,7 +6,7 @@ use super::{Configuration, Tool};
 use crate::linalg::axes;
 use crate::scalar::Scalar;
 use crate::types::Pose;
-use crate::wrist::{Held, Wrist};
+use crate::wrist::{Wrist, WristPosture};
 
 /// A configuration as the solver turns it about.
 #[derive(Clone, Copy)]
@@ -98,7 +98,7 @@ impl<T: Scalar> Wrist<T> {
     fn motion(&self, state: &State<T>) -> Motion<T> {
         let (sin, cos) = state.sigma.sin_cos();
         let held = self.held(state.beta);
-        let Held { sin1, cos1, sin2, r, h, .. } = held;
+        let WristPosture { sin1, cos1, sin2, r, h, .. } = held;
         let turned = |at: Vector3<T>| Vector3::new(at.x, at.y * cos - at.z * sin, at.y * sin + at.z * cos);
         let tip = turned(held.tip);
         let axes = axes(&held.axes()).map(turned);

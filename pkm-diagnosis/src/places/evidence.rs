@@ -1,6 +1,6 @@
 //! Evidence of sets of blocks in the linear model at a state.
 
-mod settled;
+mod elimination;
 
 use std::collections::BTreeMap;
 

@@ -116,9 +116,9 @@ impl Search<'_> {
 
     /// Sets of some members and one more, which goes to a place among them, by their evidence at the best state.
     fn ranked(&self, others: &Set, at: usize) -> Vec<(f64, Set)> {
-        let settled = self.evidence.without_member(&self.linear, others);
+        let eliminated = self.evidence.without_member(&self.linear, others);
         let of = |f: usize| {
-            let (ln, scale, level) = self.evidence.best_member(&self.linear, &settled, f);
+            let (ln, scale, level) = self.evidence.best_member(&self.linear, &eliminated, f);
             let mut set = Set { level, ..others.clone() };
             set.members.insert(at, (f, scale));
             (ln, set)

@@ -79,34 +79,31 @@ pub(super) fn surplus(rows: &[Row], header: &Header) -> usize {
 /// too many, and its cells moved.
 pub(super) fn fitted(mut row: Row, header: &Header, surplus: usize, delimiter: u8) -> std::result::Result<Row, String> {
     let (width, with_empty, given) = (header.names.len(), header.names.len() + header.empty, row.cells.len());
-    let is_swallowed = |cell: &str| {
-        let separators = cell.bytes().filter(|b| *b == delimiter).count();
-        cell.contains(['\n', '\r']) && (given < width || separators + 1 >= width)
-    };
+    let separators = |cell: &str| cell.bytes().filter(|b| *b == delimiter).count();
+    let is_swallowed = |cell: &str| cell.contains(['\n', '\r']) && (given < width || separators(cell) + 1 >= width);
     // a decimal comma moves what is behind it: a blank cell then stands beyond the header
     let may_be_commas = delimiter == b',';
-    let commas = if may_be_commas { ": for decimal commas write semicolons between cells" } else { "" };
-    let beyond = row.cells.iter().enumerate().skip(width).find(|(_, cell)| !cell.is_empty());
+    let commas = |mark| {
+        if may_be_commas { format!("{mark} for decimal commas write semicolons between cells") } else { String::new() }
+    };
+    let expected = format!("expected {width} cells as in the header, found {given}");
     if row.cells.iter().any(is_swallowed) {
-        return Err(format!("expected {width} cells as in the header, found {given}: is a quote not closed?"));
+        return Err(format!("{expected}: is a quote not closed?"));
     }
-    match beyond {
-        Some((n, cell)) if given <= with_empty => Err(format!(
-            "`{cell}` stands in column {}, which has no name: name it, or empty it{}",
-            n + 1,
-            if may_be_commas { "; for decimal commas write semicolons between cells" } else { "" }
-        )),
-        None if given >= width && given <= with_empty + surplus && !(given > with_empty && may_be_commas) => {
+    let unnamed = row.cells.iter().enumerate().skip(width).find(|(_, cell)| !cell.is_empty());
+    match unnamed {
+        _ if given < width => Err(expected),
+        Some((n, cell)) if given <= with_empty => {
+            Err(format!("`{cell}` stands in column {}, which has no name: name it, or empty it{}", n + 1, commas(';')))
+        }
+        Some(_) => Err(expected + &commas(':')),
+        None if given <= with_empty || (given <= with_empty + surplus && !may_be_commas) => {
             row.cells.truncate(width);
             Ok(row)
         }
-        None if given > width => Err(format!(
-            "expected {width} cells as in the header, found {given}, the last of them empty{commas}, otherwise leave out the separators \
-             at the end"
-        )),
-        _ => Err(format!(
-            "expected {width} cells as in the header, found {given}{}",
-            if given > width { commas } else { "" }
-        )),
+        None => {
+            let commas = commas(':');
+            Err(format!("{expected}, the last of them empty{commas}, otherwise leave out the separators at the end"))
+        }
     }
 }

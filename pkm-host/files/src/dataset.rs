@@ -45,7 +45,7 @@ pub const LOAD_POINT_COLUMNS: [&str; 3] = ["load_u_mm", "load_v_mm", "load_w_mm"
 /// How far the two halves of a stiffness matrix may differ, in √(k_ii k_jj).
 const MAX_ASYMMETRY: f64 = 1e-6;
 /// Far beyond what a machine bears, and its square still a number.
-pub const MOST_LOAD: f64 = 1e12;
+pub const MAX_LOAD: f64 = 1e12;
 
 /// Column of the stiffness k_ij, i ≤ j, from 1.
 pub fn stiffness_column(i: usize, j: usize) -> String {
@@ -61,10 +61,10 @@ impl Sheet {
     /// Force and moment of a row.
     pub(crate) fn load(&self, row: &Row) -> Result<[f64; 6]> {
         let load = self.numbers(row, WRENCH_COLUMNS)?;
-        match load.iter().position(|f| f.abs() > MOST_LOAD) {
+        match load.iter().position(|f| f.abs() > MAX_LOAD) {
             None => Ok(load),
             Some(i) => {
-                let message = format!("expected a load within ±{MOST_LOAD:e} N or N·m, found {:e}", load[i]);
+                let message = format!("expected a load within ±{MAX_LOAD:e} N or N·m, found {:e}", load[i]);
                 Err(self.failure(row, message).at_column(WRENCH_COLUMNS[i]))
             }
         }
@@ -262,7 +262,7 @@ pub fn read_stiffness(source: Source, machine: &MachineFile) -> Result<Stiffness
 }
 
 /// Poses that are named at the most because they stand in a file twice.
-const MOST_SAME: usize = 3;
+const MAX_DUPLICATES_NAMED: usize = 3;
 
 /// Warnings of poses that stand in a file twice under two names.
 fn same_poses(file: &str, poses: &[NamedPose], targets: &[Target]) -> Vec<String> {
@@ -288,8 +288,8 @@ fn same_poses(file: &str, poses: &[NamedPose], targets: &[Target]) -> Vec<String
             }
         ));
     }
-    let more = warnings.len().saturating_sub(MOST_SAME);
-    warnings.truncate(MOST_SAME);
+    let more = warnings.len().saturating_sub(MAX_DUPLICATES_NAMED);
+    warnings.truncate(MAX_DUPLICATES_NAMED);
     if more > 0 {
         warnings.push(format!("{}: {more} more poses stand there twice", printable(file)));
     }

@@ -170,8 +170,8 @@ pub fn tool_status(error: ToolError) -> &'static str {
 
 /// Text from a file, cut where it is too long for a message.
 pub(crate) fn clipped(text: &str) -> String {
-    const LONGEST: usize = 120;
-    let end = text.char_indices().nth(LONGEST).map(|(end, _)| end);
+    const MAX_LENGTH: usize = 120;
+    let end = text.char_indices().nth(MAX_LENGTH).map(|(end, _)| end);
     end.map_or_else(|| text.to_owned(), |end| format!("{}…", &text[..end]))
 }
 
@@ -202,10 +202,10 @@ pub fn lines_text(lines: &[u64]) -> String {
 
 /// Text from a file, fit for a terminal or a comment: no control or direction marks, not endless.
 pub fn printable(text: &str) -> String {
-    const LONGEST: usize = 600;
+    const MAX_LENGTH: usize = 600;
     let safe = |c: char| if c.is_control() || ('\u{202a}'..='\u{202e}').contains(&c) { '\u{fffd}' } else { c };
-    let mut shown: String = text.chars().take(LONGEST).map(safe).collect();
-    if text.chars().nth(LONGEST).is_some() {
+    let mut shown: String = text.chars().take(MAX_LENGTH).map(safe).collect();
+    if text.chars().nth(MAX_LENGTH).is_some() {
         shown.push('…');
     }
     shown

@@ -7,7 +7,7 @@ use pkm_core::Wrench;
 use serde::Deserialize;
 use toml::Spanned;
 
-use crate::dataset::MOST_LOAD;
+use crate::dataset::MAX_LOAD;
 use crate::error::{Failure, Result, printable};
 use crate::job_program::{self, ProgramJob, RawOffsets};
 use crate::source::Source;
@@ -16,7 +16,7 @@ use crate::toml_error::{Numbers, line_at, parsed};
 /// Greatest limit, mm or °: far beyond any machine.
 const MAX_LIMIT: f64 = 1e6;
 /// Of a series, and 1 over the least.
-const MOST_WEIGHT: f64 = 1e3;
+const MAX_WEIGHT: f64 = 1e3;
 /// How far a matrix may be from a rotation.
 const RIGID: f64 = 1e-6;
 
@@ -294,11 +294,11 @@ fn series(n: usize, raw: &RawSeries) -> Checked<Series> {
     }
     let w = raw.wrench.get_ref();
     let wrench = Wrench::from_vector([w.fx_n, w.fy_n, w.fz_n, w.mx_nm, w.my_nm, w.mz_nm].into());
-    if !wrench.to_vector().iter().all(|v| v.abs() <= MOST_LOAD) {
+    if !wrench.to_vector().iter().all(|v| v.abs() <= MAX_LOAD) {
         return fail(
             raw.wrench.span(),
             format!("series.{name}.wrench"),
-            format!("expected finite numbers within ±{MOST_LOAD:e}"),
+            format!("expected finite numbers within ±{MAX_LOAD:e}"),
         );
     }
     if raw.holes.get_ref().is_empty() {
@@ -311,9 +311,9 @@ fn series(n: usize, raw: &RawSeries) -> Checked<Series> {
     });
     let weight = match &raw.weight {
         None => 1.0,
-        Some(weight) if (1.0 / MOST_WEIGHT..=MOST_WEIGHT).contains(weight.get_ref()) => *weight.get_ref(),
+        Some(weight) if (1.0 / MAX_WEIGHT..=MAX_WEIGHT).contains(weight.get_ref()) => *weight.get_ref(),
         Some(weight) => {
-            let message = format!("expected {:e} to {MOST_WEIGHT:e}, found {}", 1.0 / MOST_WEIGHT, weight.get_ref());
+            let message = format!("expected {:e} to {MAX_WEIGHT:e}, found {}", 1.0 / MAX_WEIGHT, weight.get_ref());
             return fail(weight.span(), format!("series.{name}.weight"), message);
         }
     };

@@ -12,7 +12,7 @@ const COLUMNS: [&str; 6] = ["reading", "state", "point", "x_mm", "y_mm", "z_mm"]
 /// Expanded uncertainty of a point.
 const U95_COLUMN: &str = "u95_um";
 /// Farthest point, mm: no tracker reaches so far.
-const MOST_MM: f64 = 1e6;
+const MAX_MM: f64 = 1e6;
 /// Standard deviations in an expanded uncertainty.
 const COVERAGE: f64 = 2.0;
 
@@ -96,10 +96,10 @@ impl PointList {
                 fail("point", format!("no reflector `{name}` in {}: there are {there}", reflectors.source.name))
             })?;
             let at_mm = sheet.numbers(row, ["x_mm", "y_mm", "z_mm"])?;
-            if let Some(i) = at_mm.iter().position(|v| v.abs() > MOST_MM) {
+            if let Some(i) = at_mm.iter().position(|v| v.abs() > MAX_MM) {
                 return Err(fail(
                     COLUMNS[3 + i],
-                    format!("expected a coordinate within ±{MOST_MM} mm, found {}", at_mm[i]),
+                    format!("expected a coordinate within ±{MAX_MM} mm, found {}", at_mm[i]),
                 ));
             }
             let has_own = sheet.has(U95_COLUMN) && !sheet.cell(row, U95_COLUMN)?.is_empty();

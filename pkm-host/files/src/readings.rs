@@ -137,9 +137,9 @@ fn inner(a: &Wrench<f64>, b: &Wrench<f64>) -> f64 {
 }
 
 /// Share of the largest force within which recorded wrenches are of one nominal load.
-const SAME_LOAD: f64 = 0.02;
+const REPEAT_TOLERANCE: f64 = 0.02;
 /// The same in standard deviations of the difference of two, where the load cell's noise is declared and greater.
-const SAME_LOAD_SD: f64 = 3.0;
+const REPEAT_TOLERANCE_SD: f64 = 3.0;
 
 /// Whether two wrenches are of one nominal load, within a share of the largest force: a load cell records each repeat a little
 /// differently.
@@ -194,7 +194,7 @@ impl Repeats {
         [wrench, turned_at]: [&Wrench<f64>; 2],
         load_random: f64,
     ) -> usize {
-        let same_load = SAME_LOAD.max(SAME_LOAD_SD * 2.0_f64.sqrt() * load_random);
+        let same_load = REPEAT_TOLERANCE.max(REPEAT_TOLERANCE_SD * 2.0_f64.sqrt() * load_random);
         let loads = self.seen.entry(place).or_default();
         let is_same = |(other, [own, own_turned], _): &&(String, [Wrench<f64>; 2], usize)| {
             let is_named = !name.is_empty() && name == *other;

@@ -8,7 +8,7 @@ use crate::source::Source;
 use crate::toml_error::{Numbers, line_at, parsed};
 
 /// Farthest reflector, mm: far beyond any machine.
-const MOST_MM: f64 = 1e5;
+const MAX_MM: f64 = 1e5;
 
 /// What a reflector sits on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
@@ -100,9 +100,9 @@ impl Reflectors {
                 return Err(fail(at.span().start, &format!("reflector.{key}"), message));
             }
             if let (key, Some(at)) = own
-                && let Some(wrong) = at.get_ref().0.iter().find(|v| !(v.abs() <= MOST_MM))
+                && let Some(wrong) = at.get_ref().0.iter().find(|v| !(v.abs() <= MAX_MM))
             {
-                let message = format!("expected coordinates within ±{MOST_MM} mm, found {wrong}");
+                let message = format!("expected coordinates within ±{MAX_MM} mm, found {wrong}");
                 return Err(fail(at.span().start, &format!("reflector.{key}"), message));
             }
             let at_m = own.1.as_ref().map(|at| at.get_ref().0.map(|mm| mm / 1e3));

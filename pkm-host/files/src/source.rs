@@ -13,7 +13,7 @@ use serde::Serialize;
 use crate::error::{Failure, Result, printable};
 
 /// Most bytes that a file may have: a million poses, and no endless device.
-const LARGEST: u64 = 500_000_000;
+const MAX_BYTES: u64 = 500_000_000;
 
 /// A named text.
 #[derive(Clone, Debug)]
@@ -58,9 +58,9 @@ impl Source {
     pub fn read(path: &Path) -> Result<Self> {
         let name = path.display().to_string();
         let mut bytes = Vec::new();
-        match File::open(path).and_then(|file| file.take(LARGEST + 1).read_to_end(&mut bytes)) {
-            Ok(length) if length as u64 > LARGEST => {
-                Err(Failure::input(format!("too large: more than {} MB", LARGEST / 1_000_000)).in_file(name))
+        match File::open(path).and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes)) {
+            Ok(length) if length as u64 > MAX_BYTES => {
+                Err(Failure::input(format!("too large: more than {} MB", MAX_BYTES / 1_000_000)).in_file(name))
             }
             Ok(_) => Ok(Self::new(name, bytes)),
             Err(e) => Err(Failure::input(format!("cannot read: {e}")).in_file(name)),

@@ -15,7 +15,7 @@ const MAX_OFF: f64 = 0.01;
 /// Which differences between neighbours are looked at, as shares of all from the least on, and how many steps these may be: next to
 /// numbers that were mistyped they are less, and where numbers lie far apart more than one.
 const LOOKED_AT: [f64; 4] = [0.05, 0.15, 0.3, 0.5];
-const MOST_STEPS: u32 = 6;
+const MAX_STEPS: u32 = 6;
 
 /// The step of each channel, m and rad, of readings whose last digits are worth `written`. A channel that does not tell has that of another
 /// one of its kind, if its numbers are multiples of it.
@@ -65,7 +65,7 @@ impl Numbers {
         }
         gaps.sort_unstable_by(f64::total_cmp);
         let looked_at = LOOKED_AT.map(|share| (gaps[(share * gaps.len() as f64) as usize] / MAX_OFF).round() * MAX_OFF);
-        let parts = looked_at.into_iter().flat_map(|gap| (1..=MOST_STEPS).map(move |parts| gap / f64::from(parts)));
+        let parts = looked_at.into_iter().flat_map(|gap| (1..=MAX_STEPS).map(move |parts| gap / f64::from(parts)));
         parts.filter(|step| *step > 1.5 && self.are_multiples(*step)).reduce(f64::max)
     }
 }

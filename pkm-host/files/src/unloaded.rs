@@ -26,7 +26,7 @@ const TOOL_COLUMNS: [&str; 3] = ["tool_x_mm", "tool_y_mm", "tool_z_mm"];
 /// 1 sd of a target's given place; exact without.
 const TARGET_SD_COLUMN: &str = "target_sd_mm";
 /// Farthest place that is read, mm: no tracker reaches so far.
-const MOST_MM: f64 = 1e6;
+const MAX_MM: f64 = 1e6;
 
 /// A point that moves with the machine.
 #[derive(Clone, Debug, PartialEq)]
@@ -292,10 +292,10 @@ impl Unloaded {
 /// Lengths in mm that a machine and its tracker can have.
 fn numbers_within<const N: usize>(sheet: &Sheet, row: &Row, columns: [&'static str; N]) -> Result<[f64; N]> {
     let values = sheet.numbers(row, columns)?;
-    match values.iter().position(|v| v.abs() > MOST_MM) {
+    match values.iter().position(|v| v.abs() > MAX_MM) {
         None => Ok(values),
         Some(i) => {
-            let message = format!("expected a number within ±{MOST_MM} mm, found {}", values[i]);
+            let message = format!("expected a number within ±{MAX_MM} mm, found {}", values[i]);
             Err(sheet.failure(row, message).at_column(columns[i]))
         }
     }

@@ -9,7 +9,7 @@ use super::arguments::{DateArgs, TableArgs, finite, list};
 use super::bar::bar;
 use super::session::{Output, Session};
 use crate::error::{Failure, Result, printable};
-use crate::files::dataset::MOST_LOAD;
+use crate::files::dataset::MAX_LOAD;
 use crate::files::gcode::{CHORD_MM, Setup};
 use crate::files::job_program::ProgramJob;
 use crate::files::limits::JointLimits;
@@ -116,8 +116,8 @@ impl Args {
         {
             return Err(Failure::usage(why));
         }
-        if let Some(load) = self.wrench.and_then(|w| w.into_iter().find(|f| f.abs() > MOST_LOAD)) {
-            let message = format!("--wrench: expected numbers within ±{MOST_LOAD:e}, found {load:e}");
+        if let Some(load) = self.wrench.and_then(|w| w.into_iter().find(|f| f.abs() > MAX_LOAD)) {
+            let message = format!("--wrench: expected numbers within ±{MAX_LOAD:e}, found {load:e}");
             return Err(Failure::usage(message));
         }
         Ok(())

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use pkm_core::effects::Effects;
 use serde_json::json;
 
-use super::arguments::{DateArgs, finite, list, positive};
+use super::arguments::{DateArgs, list, positive, within};
 use super::bar::bar;
 use super::session::{Output, Session};
 use crate::error::{Failure, Result};
@@ -41,7 +41,7 @@ pub(crate) struct Args {
     #[arg(long, value_name = "KEY=VALUE")]
     set: Vec<String>,
     /// Size of the elements, relative to the usual: 0.5 is twice as fine.
-    #[arg(long, default_value_t = 1.0, value_parser = mesh_size, allow_hyphen_values = true)]
+    #[arg(long, default_value_t = 1.0, value_parser = within(0.1, 5.0), allow_hyphen_values = true)]
     mesh: f64,
     /// Poses at a time, one core each; default: as many as there are cores.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1024))]
@@ -109,11 +109,6 @@ pub(crate) struct Args {
 enum Emit {
     /// For Slurm.
     Slurm,
-}
-
-fn mesh_size(text: &str) -> std::result::Result<f64, String> {
-    finite(text)
-        .and_then(|v| if (0.1..=5.0).contains(&v) { Ok(v) } else { Err("expected a number from 0.1 to 5".into()) })
 }
 
 /// Poses, and the loads of readings, if there are to be any.

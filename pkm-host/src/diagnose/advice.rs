@@ -4,7 +4,7 @@ use super::compare::{Rival, of};
 use super::{Diagnosis, Effect, Verdict};
 
 /// Places that are named to be inspected first; the others are among the findings.
-const MOST_TO_INSPECT: usize = 3;
+const MAX_INSPECTED: usize = 3;
 
 /// Each once, in the order of the first.
 pub fn distinct(texts: impl Iterator<Item = String>) -> Vec<String> {
@@ -55,8 +55,8 @@ fn of_what_was_found(d: &Diagnosis) -> String {
     };
     let values = d.declared.iter().filter(|_| !d.leaves_more_than_noise()).map(|f| f.inspect.clone());
     let [mut machine, mut measurement] = [distinct(located(false).chain(values)), distinct(located(true))];
-    machine.truncate(MOST_TO_INSPECT);
-    measurement.truncate(MOST_TO_INSPECT);
+    machine.truncate(MAX_INSPECTED);
+    measurement.truncate(MAX_INSPECTED);
     let look = [machine.as_slice(), &measurement].concat().join("; and at ");
     match (d.judgement.verdict, machine.is_empty(), measurement.is_empty()) {
         (_, false, _) if is_no_remedy(d) => format!(

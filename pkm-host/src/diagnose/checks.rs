@@ -20,7 +20,7 @@ use crate::files::dataset::READ_COLUMNS;
 use crate::files::readings::{CHANNELS, Readings};
 
 /// Residuals over their noise from which on another way to take the readings does not fit well either.
-const BADLY_SD: f64 = 10.0;
+const MISFIT_SD: f64 = 10.0;
 
 /// A reading that stands out.
 #[derive(Clone, Debug, Serialize)]
@@ -131,7 +131,7 @@ pub fn taken_otherwise(
     let how = alike.iter().map(|f| f.0.as_str()).collect::<Vec<_>>().join(", or ");
     let times = |left: f64| format!("{:.1}", left.sqrt());
     let other =
-        if rest.sqrt() > BADLY_SD { ", which is not well either: more than one thing may be otherwise" } else { "" };
+        if rest.sqrt() > MISFIT_SD { ", which is not well either: more than one thing may be otherwise" } else { "" };
     (*rest < said / problem.rules.min_rss_ratio).then(|| Warning::new(WarningKind::ReadingsTakenOtherwise, format!(
             "the readings fit the declared machine much better {how} (residuals of {} times their noise{other}) than as the file says, \
              displacements of A in A-uvw under loads at A ({} times): are they?",

@@ -19,7 +19,7 @@ use crate::files::readings::{CHANNELS, Readings};
 const READ_ROUNDING: f64 = 0.288_68;
 
 /// Most repeats that are named.
-const MOST_NAMED: usize = 3;
+const MAX_NAMED: usize = 3;
 
 /// Whether the noise is known from so few repeats that nothing counts as explained.
 pub fn is_little_known(noise: &Noise, rules: &Rules) -> bool {
@@ -156,7 +156,7 @@ pub fn wide_repeats(readings: &Readings, left_out: &[(usize, usize)]) -> Vec<Wid
 pub fn of_repeats(readings: &Readings, left_out: &[(usize, usize)]) -> Option<Warning> {
     let wide = wide_repeats(readings, left_out);
     let name = |w: &WideRepeats| format!("line {}, {}: by {:.1}", w.lines[0], READ_COLUMNS[w.channel], w.size * 1e6);
-    let named: Vec<String> = wide.iter().take(MOST_NAMED).map(name).collect();
+    let named: Vec<String> = wide.iter().take(MAX_NAMED).map(name).collect();
     let more = wide.len() - named.len();
     let others = if more > 0 { format!(" and {more} more") } else { String::new() };
     (!named.is_empty()).then(|| Warning::new(WarningKind::RepeatsDiffer, format!(

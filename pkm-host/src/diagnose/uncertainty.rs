@@ -29,10 +29,10 @@ const OF_MISFIT: f64 = 6.0;
 /// models that fit the same readings differ elsewhere.
 const OF_DEFLECTION: f64 = 0.002;
 /// Greatest multiple of the variance that is looked for.
-const MOST: f64 = 1e6;
+const MAX_VARIANCE_RATIO: f64 = 1e6;
 /// Least deflection that an error is compared with, over the greatest under a load of its kind: by symmetry a moment may move the
 /// tip nowhere.
-const LEAST_MOVED: f64 = 0.1;
+const MIN_DEFLECTION_RATIO: f64 = 0.1;
 /// Forces and moments among the loads.
 const LOADS: [Range<usize>; 2] = [0..3, 3..6];
 /// Translations of the tip under six loads.
@@ -111,7 +111,8 @@ impl Example {
         let moved = |x: &Vector6<f64>| axes.iter().map(|y| y.dot(x).powi(2)).sum::<f64>().sqrt();
         let under = |kind: &'static Range<usize>| {
             let greatest = loads[kind.clone()].iter().map(moved).fold(0.0, f64::max);
-            let scaled = move |x: &Vector6<f64>| x / moved(x).max(LEAST_MOVED * greatest).max(f64::MIN_POSITIVE);
+            let scaled =
+                move |x: &Vector6<f64>| x / moved(x).max(MIN_DEFLECTION_RATIO * greatest).max(f64::MIN_POSITIVE);
             loads[kind.clone()].iter().map(scaled)
         };
         let scaled = LOADS.iter().flat_map(under);
@@ -226,7 +227,7 @@ impl Unseen<'_> {
         if covers(1.0) {
             return Some(1.0);
         }
-        let (mut low, mut high) = (0.0, MOST.ln());
+        let (mut low, mut high) = (0.0, MAX_VARIANCE_RATIO.ln());
         for _ in 0..40 {
             let middle = 0.5 * (low + high);
             if covers(middle.exp()) { high = middle } else { low = middle }

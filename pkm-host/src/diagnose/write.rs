@@ -5,7 +5,7 @@ use std::collections::HashSet;
 
 use pkm_core::effects::EFFECTS;
 use pkm_core::{Deflection, Machine, Pose, Stiffness, StiffnessError, StiffnessFactor};
-use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
+use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value, value};
 
 use super::Diagnosis;
 use super::compare::{Rival, extent};
@@ -29,13 +29,17 @@ const MAX_DEPARTURE: f64 = 0.2;
 
 /// Changes a number of the file, unless it holds this value already.
 pub(crate) fn set(item: &mut Item, number: f64) {
-    let there = item.as_float().or_else(|| item.as_integer().map(|i| i as f64));
-    if there != Some(number) {
-        let decor = item.as_value().map(|v| v.decor().clone());
-        *item = value(number);
-        if let (Some(decor), Some(v)) = (decor, item.as_value_mut()) {
-            *v.decor_mut() = decor;
-        }
+    match item.as_value_mut() {
+        Some(there) => set_value(there, number),
+        None => *item = value(number),
+    }
+}
+
+fn set_value(there: &mut Value, number: f64) {
+    if there.as_float().or_else(|| there.as_integer().map(|i| i as f64)) != Some(number) {
+        let decor = there.decor().clone();
+        *there = number.into();
+        *there.decor_mut() = decor;
     }
 }
 
@@ -86,12 +90,7 @@ pub fn machine_toml(file: &MachineFile, diagnosis: &Diagnosis) -> Result<String>
 
 fn set_entry(array: &mut Item, i: usize, number: f64) {
     if let Some(entry) = array.as_array_mut().and_then(|a| a.get_mut(i)) {
-        let there = entry.as_float().or_else(|| entry.as_integer().map(|i| i as f64));
-        if there != Some(number) {
-            let decor = entry.decor().clone();
-            *entry = number.into();
-            *entry.decor_mut() = decor;
-        }
+        set_value(entry, number);
     }
 }
 

@@ -124,7 +124,7 @@ pub fn bar(bar: &Bar, stations: &[f64], size: f64) -> BarMesh {
 }
 
 /// Most points of a plate's plane.
-const MOST_POINTS: usize = 30_000;
+const MAX_POINTS: usize = 30_000;
 
 /// A plate's plane as triangles, and those of them that are outside.
 type Plane = (ConstrainedDelaunayTriangulation<Point2<f64>>, BTreeSet<usize>);
@@ -160,7 +160,7 @@ fn plane(outline: Vec<Point2<f64>>, bores: &[([f64; 2], f64)], element: f64, siz
     let next = outline.iter().cycle().skip(1);
     let area: f64 = outline.iter().zip(next).map(|(a, b)| 0.5 * (a.x * b.y - a.y * b.x)).sum();
     // two triangles a point
-    if area.abs() > 2.0 * triangle * MOST_POINTS as f64 {
+    if area.abs() > 2.0 * triangle * MAX_POINTS as f64 {
         return None;
     }
     let mut flat = ConstrainedDelaunayTriangulation::<Point2<f64>>::new();
@@ -175,7 +175,7 @@ fn plane(outline: Vec<Point2<f64>>, bores: &[([f64; 2], f64)], element: f64, siz
         .keep_constraint_edges()
         .with_angle_limit(AngleLimit::from_deg(25.0))
         .with_max_allowed_area(triangle)
-        .with_max_additional_vertices(MOST_POINTS);
+        .with_max_additional_vertices(MAX_POINTS);
     let refined = flat.refine(parameters);
     if !refined.refinement_complete {
         return None;

@@ -120,11 +120,7 @@ impl Loads {
         });
         let of_pose = of_pose.collect::<Result<Vec<_>>>()?;
         let mut random = fastrand::Rng::with_seed(simulation.seed);
-        let mut normal = move || {
-            // Box and Muller
-            let radius = (-2.0 * (1.0 - random.f64()).ln()).sqrt();
-            radius * (std::f64::consts::TAU * random.f64()).cos()
-        };
+        let mut normal = move || pkm_diagnosis::screening::normal(&mut random);
         let series = self.readings.readings.iter().map(|r| r.series + 1).max().unwrap_or(0);
         let zeros: Vec<[f64; 6]> =
             (0..series).map(|_| std::array::from_fn(|i| simulation.zero[i / 3] * normal())).collect();

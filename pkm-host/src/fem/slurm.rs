@@ -12,7 +12,7 @@ use crate::files::source;
 pub const SCRIPT: &str = "run.sbatch";
 
 /// Most tasks of an array: a usual limit is 1001.
-const MOST_TASKS: usize = 1000;
+const MAX_TASKS: usize = 1000;
 
 /// Writes the decks, the script and the list of folders; the number of tasks.
 ///
@@ -20,7 +20,7 @@ const MOST_TASKS: usize = 1000;
 /// What the operating system says.
 pub fn emit(model: &Model<'_>, work: &Path, cases: &[Case]) -> Result<usize> {
     cases.par_iter().try_for_each(|case| model.write_deck(case, &work.join(&case.folder)))?;
-    let tasks = cases.len().min(MOST_TASKS);
+    let tasks = cases.len().min(MAX_TASKS);
     let script = format!(
         r#"#!/bin/bash
 #SBATCH --job-name=pkm-fem

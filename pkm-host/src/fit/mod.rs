@@ -1,6 +1,6 @@
 //! Fitting correction tables to stiffness data (paper, Eqs. 10-14; `docs/theory.md`).
 
-mod doubts;
+mod checks;
 mod evaluate;
 pub mod export;
 mod regression;
@@ -21,8 +21,8 @@ use crate::files::table::{DiagonalForm, FactorForm, TableFile};
 use crate::files::table_numbers::{TableNumbers, UncertaintyNumbers, refuse_not_positive};
 use crate::pose::{MAX_RADIANS, NamedPose, PoseBox, core_units, file_units};
 
-use self::doubts::suspicious_ratios;
-pub use self::doubts::{read_otherwise, stray_poses, too_sure};
+use self::checks::suspicious_ratios;
+pub use self::checks::{read_otherwise, stray_poses, too_sure};
 pub use self::evaluate::{DeflectionError, DeflectionErrors, Evaluation, evaluate};
 use self::regression::{Regression, columns, condition, levels, refuse_rank_deficiency, select, spread};
 use self::uncertainty::Training;
@@ -102,7 +102,7 @@ impl Fit {
     /// where the poses are too few for this.
     pub fn estimate_uncertainty(&mut self, tip_m: Vector3<f64>) {
         let TableNumbers { centre, half_width, terms, .. } = &self.numbers;
-        let some = some_of(&self.training, MOST_LEFT_OUT);
+        let some = some_of(&self.training, MAX_LEFT_OUT);
         let entries: Option<Vec<_>> = some.iter().map(|s| s.factor_entries()).collect();
         let basic: Option<Vec<_>> = some.iter().map(|s| s.basic.factor().ok()).collect();
         let basis = Basis::<f64>::new(*centre, *half_width, terms).ok();
@@ -175,7 +175,7 @@ impl Fit {
 }
 
 /// Most poses that are left out one by one: more say no more of a table's lack of fit, and the time goes with the square.
-const MOST_LEFT_OUT: usize = 200;
+const MAX_LEFT_OUT: usize = 200;
 
 /// So many of the poses at most, drawn from a fixed seed: a stride would meet the steps of a grid.
 fn some_of(training: &[Sample], most: usize) -> Vec<&Sample> {

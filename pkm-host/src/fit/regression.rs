@@ -110,7 +110,7 @@ impl Regression {
 
 /// Forward selection: add the term that lowers the leave-one-out error most, as long as one lowers it by 5 %.
 pub(super) fn select(design: &DMatrix<f64>, y: &[f64]) -> BTreeSet<usize> {
-    const LEAST_GAIN: f64 = 0.05;
+    const MIN_GAIN: f64 = 0.05;
     let y = DVector::from_column_slice(y);
     let error = |set: &BTreeSet<usize>| {
         let used: Vec<bool> = (0..design.ncols()).map(|j| set.contains(&j)).collect();
@@ -124,7 +124,7 @@ pub(super) fn select(design: &DMatrix<f64>, y: &[f64]) -> BTreeSet<usize> {
         let with = |j: usize| chosen.iter().copied().chain([j]).collect::<BTreeSet<_>>();
         let trials = (0..design.ncols()).filter(|j| !chosen.contains(j)).map(|j| (error(&with(j)), j));
         let Some((least, j)) = trials.min_by(|a, b| a.0.total_cmp(&b.0)) else { break };
-        if !(least < (1.0 - LEAST_GAIN) * best) {
+        if !(least < (1.0 - MIN_GAIN) * best) {
             break;
         }
         best = least;

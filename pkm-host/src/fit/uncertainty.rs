@@ -25,7 +25,7 @@ const ITERATIONS: usize = 2000;
 /// Turns of the calibration of the whole and of its growth: each changes the other a little.
 const CALIBRATIONS: usize = 20;
 /// Least square of a relative error: what rounding leaves of an exact table.
-const LEAST: f64 = 1e-24;
+const MIN_SQUARE: f64 = 1e-24;
 
 /// Terms of the growth of the variance, and their coefficients.
 pub(crate) type Terms = [f64; UNCERTAINTY_SPREAD];
@@ -195,7 +195,7 @@ fn beyond(squares: &[(Terms, f64)], spread: &Terms) -> f64 {
     let mut all: Vec<f64> =
         squares.iter().map(|(terms, q)| q / terms.iter().zip(spread).map(|(t, s)| t * s).sum::<f64>()).collect();
     all.sort_by(f64::total_cmp);
-    all.get(all.len() * 95 / 100).map_or(1.0, |q| q.max(LEAST) / (K95 * K95))
+    all.get(all.len() * 95 / 100).map_or(1.0, |q| q.max(MIN_SQUARE) / (K95 * K95))
 }
 
 /// Middle and half widths of some poses; none where one of the variables does not vary.
@@ -268,14 +268,14 @@ fn covariance(errors: &[LeftOut]) -> UncertaintyNumbers {
 /// Coefficients, none below 0, of the mean square of errors over their terms: the most likely ones if squares are exponentially
 /// distributed, by multiplicative steps (Févotte and Idier, Neural Computation 23 (2011), 2421, with β = 0).
 pub(crate) fn spread_of(squares: &[(Terms, f64)]) -> Terms {
-    let mean = squares.iter().map(|(_, square)| square.max(LEAST)).sum::<f64>() / squares.len() as f64;
+    let mean = squares.iter().map(|(_, square)| square.max(MIN_SQUARE)).sum::<f64>() / squares.len() as f64;
     let mut spread = [mean; UNCERTAINTY_SPREAD];
     for _ in 0..ITERATIONS {
         let (mut up, mut down) = ([0.0; UNCERTAINTY_SPREAD], [0.0; UNCERTAINTY_SPREAD]);
         for (terms, square) in squares {
             let expected: f64 = terms.iter().zip(&spread).map(|(t, s)| t * s).sum();
             for k in 0..UNCERTAINTY_SPREAD {
-                up[k] += terms[k] * square.max(LEAST) / (expected * expected);
+                up[k] += terms[k] * square.max(MIN_SQUARE) / (expected * expected);
                 down[k] += terms[k] / expected;
             }
         }

@@ -35,7 +35,7 @@ use crate::files::unloaded::{SIGMA_COLUMN, Target, Unloaded};
 /// Most steps from the optimiser's end to the very minimum.
 const MAX_POLISHING_STEPS: usize = 4;
 /// Gain of the objective by such a step at which the minimum is reached.
-const SMALL_GAIN: f64 = 1e-9;
+const MIN_GAIN: f64 = 1e-9;
 /// Most rounds in which single readings are left out.
 const MAX_ROUNDS_OF_OUTLIERS: usize = 3;
 /// How well the compliance that each wrench of a limb meets is known where joints strain, as a factor of one standard deviation:
@@ -72,7 +72,7 @@ fn fit(problem: &Problem<'_>, unknowns: &[Unknown], start: &[f64]) -> Option<Fit
     for _ in 0..MAX_POLISHING_STEPS {
         let slope = fit.jacobian.tr_mul(&fit.residuals) - &fit.x;
         let step = fit.information.solve(&slope);
-        if !(step.dot(&slope) > SMALL_GAIN) {
+        if !(step.dot(&slope) > MIN_GAIN) {
             break;
         }
         match problem.linear(unknowns, &fit.x + step) {

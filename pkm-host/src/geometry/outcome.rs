@@ -14,7 +14,7 @@ use crate::tracker::rigid::Motion;
 const MAX_RATIO_TO_NOISE: f64 = 20.0;
 
 /// Prior deviations beyond which an estimate says that the declared uncertainty was too small.
-pub const LARGE_PULL_SD: f64 = 3.0;
+pub const MAX_PULL_SD: f64 = 3.0;
 
 /// Where a point is, with the deviations of its coordinates: 0 where they were given; m.
 pub type Located<T> = (T, [f64; 3], [f64; 3]);

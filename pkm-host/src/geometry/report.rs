@@ -4,7 +4,7 @@ use maud::{Markup, html};
 use pkm_diagnosis::verdict::LackOfFit;
 
 use super::model::Meaning;
-use super::outcome::{Estimate, Identification, LARGE_PULL_SD, Rival, TriedState, Verdict};
+use super::outcome::{Estimate, Identification, MAX_PULL_SD, Rival, TriedState, Verdict};
 use crate::error::{Result, lines_text};
 use crate::files::machine::MachineFile;
 use crate::files::unloaded::{Unloaded, UnloadedReading};
@@ -145,7 +145,7 @@ fn findings(found: &Identification) -> Vec<Finding> {
             remedy(&d.parts)
         )));
     }
-    for e in found.estimates.iter().filter(|e| found.is_of_use() && e.pull_sd().abs() > LARGE_PULL_SD) {
+    for e in found.estimates.iter().filter(|e| found.is_of_use() && e.pull_sd().abs() > MAX_PULL_SD) {
         all.push(Finding::warning(format!(
             "{} is {:.1} declared deviations from its declared value: is uncertainty.{} too small, or the machine another?",
             e.meaning.key(),

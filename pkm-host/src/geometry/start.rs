@@ -23,7 +23,7 @@ const DOUBTFUL_SD: f64 = 3.0;
 /// The same from which they are refused.
 const REFUSED_SD: f64 = 30.0;
 /// What another way to read them must leave of the misfit at most.
-const MUCH_BETTER: f64 = 0.25;
+const MAX_MISFIT_RATIO: f64 = 0.25;
 /// Of a point where no deviation is declared, m: what a tracker has.
 const USUAL_SD_M: f64 = 1e-5;
 
@@ -147,7 +147,7 @@ fn check_meaning(
     }
     let off =
         format!("the measured places are {:.1} mm (rms) from those that the declared machine goes to", 1e3 * rms_m);
-    let better = |rms: Option<f64>| rms.is_some_and(|rms| rms < MUCH_BETTER * rms_m);
+    let better = |rms: Option<f64>| rms.is_some_and(|rms| rms < MAX_MISFIT_RATIO * rms_m);
     let mirrored: Vec<Sighting> = (sightings.iter())
         .map(|s| Sighting { measured_m: Vector3::new(-s.measured_m.x, s.measured_m.y, s.measured_m.z), ..*s })
         .collect();

@@ -9,7 +9,7 @@ use super::link::written;
 use crate::pose::{PoseBox, core_units};
 
 /// One line in so many is bad.
-const BAD_EVERY: u8 = 50;
+const LINES_PER_FAULT: u8 = 50;
 
 /// A line to the firmware, and what it must answer.
 pub(super) struct Sent {
@@ -61,7 +61,7 @@ impl<'a> Drawn<'a> {
             (Expected::Cycle { id, demand: from }, Command::Cycle(from))
         };
         let line = written(&Request { id, command });
-        let bad = (self.rng.u8(0..BAD_EVERY) == 0).then(|| bad_line(&mut self.rng, &line)).flatten();
+        let bad = (self.rng.u8(0..LINES_PER_FAULT) == 0).then(|| bad_line(&mut self.rng, &line)).flatten();
         bad.unwrap_or_else(|| {
             *left -= u64::from(steps);
             Sent { line, expected }

@@ -31,7 +31,7 @@ const HALF: usize = 48;
 /// Letters of name and cells of a table of which three parts have.
 const THIRD: usize = LETTERS / 3;
 /// Rows of tables that are not parted on paper.
-const FEW_ROWS: usize = 26;
+const MAX_ROWS_KEPT_TOGETHER: usize = 26;
 /// A cell of more letters is a sentence, in as many lines as it needs.
 const SENTENCE: usize = 30;
 
@@ -293,9 +293,9 @@ pub(crate) fn keyed_table(caption: &str, heads: &[&str], rows: &[(String, Vec<St
     let columns = heads.len().div_ceil(parts).max(1);
     let sentences: Vec<bool> = (0..heads.len()).map(|i| rows.iter().any(|r| letters(&r.1[i]) > SENTENCE)).collect();
     let (cells, whole) = (widths.iter().sum::<usize>(), keys.is_empty());
-    let half = whole && !sentences.contains(&true) && cells <= HALF && rows.len() <= FEW_ROWS;
+    let half = whole && !sentences.contains(&true) && cells <= HALF && rows.len() <= MAX_ROWS_KEPT_TOGETHER;
     let longest = rows.iter().map(|r| letters(&r.0)).max().unwrap_or(0);
-    let slim = whole && longest + cells <= THIRD && rows.len() > FEW_ROWS;
+    let slim = whole && longest + cells <= THIRD && rows.len() > MAX_ROWS_KEPT_TOGETHER;
     html! {
         figure.table.long[!whole].half[half].slim[slim] {
             figcaption { (caption) }
@@ -333,16 +333,16 @@ pub(crate) fn fold(summary: &str, body: &Markup) -> Markup {
 }
 
 /// Smallest probability that is written as a number: smaller ones are no longer exact, or 0.
-const LEAST_P: f64 = 1e-300;
+const MIN_P: f64 = 1e-300;
 
 /// A probability that a test gives, for a cell.
 pub(crate) fn p_value(p: f64) -> String {
-    if p < LEAST_P { format!("< {LEAST_P:e}") } else { format!("{p:.1e}") }
+    if p < MIN_P { format!("< {MIN_P:e}") } else { format!("{p:.1e}") }
 }
 
 /// The same in a sentence, as `p = 1.2e-5`.
 pub(crate) fn p_in_words(p: f64) -> String {
-    if p < LEAST_P { format!("p {}", p_value(p)) } else { format!("p = {}", p_value(p)) }
+    if p < MIN_P { format!("p {}", p_value(p)) } else { format!("p = {}", p_value(p)) }
 }
 
 #[cfg(test)]

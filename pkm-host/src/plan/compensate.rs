@@ -32,9 +32,9 @@ const STEP_RAD: f64 = std::f64::consts::PI / 180.0;
 /// Two axes farther apart than this are opposite.
 const OPPOSITE_RAD: f64 = 0.999 * std::f64::consts::PI;
 /// Most steps of a path.
-const MOST_STEPS: f64 = 5e6;
+const MAX_STEPS: f64 = 5e6;
 /// An estimated load that changes by no more than this share of it goes on without a point of its own.
-const STEADY: f64 = 0.01;
+const LOAD_TOLERANCE: f64 = 0.01;
 
 /// A path and how it is walked.
 pub struct Request<'a> {
@@ -351,7 +351,7 @@ impl Walk<'_> {
         let change = (begins.to_vector() - self.ended.to_vector()).norm();
         Ok(match mv.load {
             Load::Given(_) => begins != self.ended,
-            Load::Cut(_) => begins != Wrench::ZERO && change > STEADY * begins.to_vector().norm(),
+            Load::Cut(_) => begins != Wrench::ZERO && change > LOAD_TOLERANCE * begins.to_vector().norm(),
         })
     }
 
@@ -448,10 +448,10 @@ fn with_tools(machine: &MachineFile, moves: &[Move]) -> Result<Vec<(f64, Machine
 fn all_steps(moves: &[Move], steps: impl Fn(&Place, &Place) -> f64) -> Result<u64> {
     let between = |w: &[Move]| if w[1].is_fresh { 1.0 } else { steps(&w[0].to, &w[1].to) };
     let all = moves.windows(2).map(between).sum::<f64>() + 1.0;
-    if all <= MOST_STEPS {
+    if all <= MAX_STEPS {
         return Ok(all as u64);
     }
-    let message = format!("{all:.0} steps, {MOST_STEPS:.0} at the most: give a greater --step-mm (are lengths in mm?)");
+    let message = format!("{all:.0} steps, {MAX_STEPS:.0} at the most: give a greater --step-mm (are lengths in mm?)");
     Err(Failure::input(message))
 }
 

@@ -14,7 +14,7 @@ use crate::files::cutting::{Cut, Engagement, Side};
 /// Intervals of Simpson's rule: 1e-4 of the force with an exponent of 0.3, far below what the law is worth.
 const INTERVALS: u32 = 64;
 /// A mill that feeds more steeply than this share across its axis bores.
-const LEAST_ACROSS: f64 = 0.1;
+const MIN_ACROSS: f64 = 0.1;
 
 /// Mean force on a mill that feeds across its axis, the spindle turning clockwise.
 #[derive(Clone, Copy, Default, Debug, PartialEq)]
@@ -82,7 +82,7 @@ fn drilling(cut: &Cut, feed_per_tooth_mm: f64) -> [f64; 2] {
 /// The load on a tool at its tip in the axes of T_h, whose tip moves along `direction` in these axes. `mean` is what [`milling`] says of the cut.
 pub fn wrench(cut: &Cut, mean: &MeanForce, direction: &Vector3<f64>) -> Wrench<f64> {
     let (across, all) = (direction.x.hypot(direction.y), direction.norm());
-    if across >= LEAST_ACROSS * all && all > 0.0 && cut.cutter.engagement.is_some() {
+    if across >= MIN_ACROSS * all && all > 0.0 && cut.cutter.engagement.is_some() {
         let feed = Vector3::new(direction.x, direction.y, 0.0) / across;
         let right = Vector3::z().cross(&feed);
         let share = (across / all).powf(1.0 - cut.material.mc);

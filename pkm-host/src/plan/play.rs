@@ -10,7 +10,7 @@ use crate::plan::reach::Reach;
 /// Between two points: of the tip in m, of the axis or a wrist's joint in rad. Finer than a page can show.
 const STEP: [f64; 2] = [2e-3, 0.02];
 /// Most points.
-const MOST_POINTS: f64 = 5000.0;
+const MAX_POINTS: f64 = 5000.0;
 
 /// A point of a path.
 pub struct PlayedPoint {
@@ -35,8 +35,8 @@ pub fn played(file: &MachineFile, name: &str, moves: &[Move]) -> Result<Vec<Play
         if b.is_fresh { 1.0 } else { (way / STEP[0]).max(turn / STEP[1]) / longer }
     };
     let all: f64 = moves.windows(2).map(|w| steps(&w[0], &w[1], 1.0)).sum();
-    let longer = (all / MOST_POINTS).max(1.0);
-    let every = (moves.len() as f64 / MOST_POINTS).ceil().max(1.0) as usize;
+    let longer = (all / MAX_POINTS).max(1.0);
+    let every = (moves.len() as f64 / MAX_POINTS).ceil().max(1.0) as usize;
     let mut near = reach.home();
     let mut points = Vec::new();
     for (index, mv) in moves.iter().enumerate() {

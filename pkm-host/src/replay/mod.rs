@@ -1,8 +1,8 @@
 //! A controller's log through the controller's own estimator, reading by reading, and a fit and a diagnosis of the same readings beside it.
 
 mod batch;
+mod design;
 mod diagnosed;
-mod next;
 
 use pkm_core::estimation::{Alarm, AmplitudeSettings, Estimator, EstimatorSettings, MAX_AMPLITUDES, Refusal, Touch};
 use pkm_core::{CorrectionTable, Deflection, Domain, Machine, Wrench};
@@ -11,8 +11,8 @@ use crate::error::{Failure, Result};
 use crate::files::learn::{Learn, limb_compliances_m_per_n};
 use crate::files::log::Entry;
 use crate::pose::{PoseBox, pose_of};
+pub use design::{Ask, Proposal};
 pub use diagnosed::LogDiagnosis;
-pub use next::{Ask, Proposal};
 
 /// Readings of the fit beside the estimator: the last ones that were taken in.
 pub const BATCH: usize = 200;
@@ -200,7 +200,7 @@ fn with<const N: usize>(
     let last = &taken[taken.len().saturating_sub(BATCH)..];
     replay.batch = batch::fit(machine, table, &settings, last);
     if let Some(ask) = ask {
-        replay.next = next::propose(machine, table, (&estimator, &settings), &ask, log);
+        replay.next = design::propose(machine, table, (&estimator, &settings), &ask, log);
     }
     Ok(replay)
 }

@@ -12,7 +12,7 @@ use crate::plan::track::{Error, LineErrors, Nearest, Tally, Track};
 use crate::report::path3d;
 
 /// A determinant below this many times the limit is a warning.
-const NEAR: f64 = 1.5;
+const WARNING_RATIO: f64 = 1.5;
 /// What may be left between points, as a share of what the load does.
 const MAX_HALFWAY: f64 = 0.1;
 /// What may be left of the axis' error, as a share of what the load does.
@@ -203,7 +203,7 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
     let text = format!(
         "Closest to a singularity the determinant is {least:.1} % of that at home; below {limit} % it is refused."
     );
-    all.push(if least < NEAR * limit { Finding::warning(text) } else { Finding::good(text) });
+    all.push(if least < WARNING_RATIO * limit { Finding::warning(text) } else { Finding::good(text) });
     all
 }
 

@@ -21,7 +21,7 @@ const MIN_SETS: usize = 3;
 /// Times that the sets are laid on their common shape, at first on that of one of them.
 const ROUNDS: usize = 3;
 /// Δχ² within which another reflector may as well be the one that is wrong: three standard deviations.
-const SAME_CHI2: f64 = 9.0;
+const INDISTINCT_CHI2: f64 = 9.0;
 
 /// Points of one body that were measured together.
 struct Set<'a> {
@@ -159,7 +159,7 @@ fn errors<'a>(sets: &'a [Set<'a>]) -> Vec<GrossError<'a>> {
         let rest: Vec<f64> = (0..pairs.len()).map(without).collect();
         let least = rest.iter().copied().fold(f64::INFINITY, f64::min);
         let by_sd = (all / variance - least).sqrt();
-        let is_suspect = |(_, rest): &(Point, f64)| *rest < least + SAME_CHI2;
+        let is_suspect = |(_, rest): &(Point, f64)| *rest < least + INDISTINCT_CHI2;
         let points = points.into_iter().zip(rest).filter(is_suspect).map(|(point, _)| point).collect();
         (by_sd > MIN_SD).then_some(GrossError { set, points, by_sd })
     };

@@ -7,7 +7,7 @@ use super::rigid::{Motion, Pair};
 /// Gauss-Newton steps: two or three are needed where the poses are near the commanded ones.
 const MAX_STEPS: usize = 50;
 /// Step, in standard deviations, below which nothing changes any more.
-const SMALL_STEP: f64 = 1e-3;
+const MAX_LAST_STEP_SD: f64 = 1e-3;
 /// Standard deviation of the rotation, rad, from which the points are taken to determine none.
 const MAX_ROTATION_SD: f64 = 0.02;
 /// Numbers of a rigid transformation.
@@ -103,7 +103,7 @@ pub(crate) fn register(sightings: &[Sighting], unknown: usize) -> Option<(Regist
         for (n, r) in reflectors.iter_mut().enumerate() {
             *r += step.fixed_rows::<3>(RIGID + 3 * n);
         }
-        if step.dot(&gradient).sqrt() > SMALL_STEP {
+        if step.dot(&gradient).sqrt() > MAX_LAST_STEP_SD {
             continue;
         }
         let (_, _, [weighed, squares]) = normal_equations(sightings, &motion, &reflectors);

@@ -61,7 +61,7 @@ impl Kind {
 
 /// What may be asked of a set beyond its kind.
 #[derive(Clone, Debug, Default, clap::Args)]
-pub struct Wish {
+pub struct Conditions {
     /// Only this effect (of the contract, or one outside it), instead of a random one
     #[arg(long)]
     pub effect: Option<String>,
@@ -131,13 +131,13 @@ fn is_part(part: Part, joint: &str, entries: &str) -> bool {
 }
 
 impl Set {
-    /// Draws a set; all of it follows from the seed and the wish.
-    pub fn new(kind: Kind, seed: u64, wish: &Wish) -> Result<Self, String> {
+    /// Draws a set; all of it follows from the seed and the conditions.
+    pub fn new(kind: Kind, seed: u64, conditions: &Conditions) -> Result<Self, String> {
         let mut rng = Random::new(seed ^ ((kind as u64 + 1) << 48));
         for attempt in 0..200 {
             // declared values by turns: some parts hardly act and would be drawn away
             let part = &WRONG[(seed as usize / 2 + attempt / 12) % WRONG.len()];
-            if let Some(set) = Self::draw(kind, seed, wish, part, &mut rng)? {
+            if let Some(set) = Self::draw(kind, seed, conditions, part, &mut rng)? {
                 return Ok(set);
             }
         }
@@ -145,8 +145,14 @@ impl Set {
     }
 
     /// `None` when re-identification takes so much of the signal that the set shows nothing.
-    fn draw(kind: Kind, seed: u64, wish: &Wish, part: &Wrong, rng: &mut Random) -> Result<Option<Self>, String> {
-        let specs = specs(kind, wish, rng)?;
+    fn draw(
+        kind: Kind,
+        seed: u64,
+        conditions: &Conditions,
+        part: &Wrong,
+        rng: &mut Random,
+    ) -> Result<Option<Self>, String> {
+        let specs = specs(kind, conditions, rng)?;
         let needs: Vec<Needs> = specs.iter().map(|s| s.needs).collect();
         let temperature = needs.contains(&Needs::Temperature) || rng.chance(0.1);
         let rotations = needs.contains(&Needs::Moments) || !rng.chance(0.12);
@@ -157,7 +163,7 @@ impl Set {
             1..5 => 10,
             _ => 12 + rng.index(9),
         };
-        let count = wish.poses.unwrap_or(count);
+        let count = conditions.poses.unwrap_or(count);
 
         let declared = if rng.chance(0.4) { Machine::reference() } else { Machine::random(rng) };
         let mut machine = declared.clone();
@@ -193,22 +199,24 @@ impl Set {
                 true
             }
             Kind::Declared => set.declare_wrong(part, rng),
-            Kind::One | Kind::Two | Kind::Outside | Kind::Forms | Kind::FormPairs => set.put_in(&specs, wish, rng),
+            Kind::One | Kind::Two | Kind::Outside | Kind::Forms | Kind::FormPairs => {
+                set.put_in(&specs, conditions, rng)
+            }
         };
         if !shows {
             return Ok(None);
         }
         set.readings = set.world.deflections(&set.poses, &set.rows, true);
         noise(&set.rows, &mut set.readings, rng);
-        if let Some(step_um) = wish.step_um {
+        if let Some(step_um) = conditions.step_um {
             round(&mut set.readings, step_um);
         }
-        if let Some(factor) = wish.declared {
+        if let Some(factor) = conditions.declared {
             set.read_once(factor);
         }
         set.many_held = held_out(rng, &set.declared, angle, !levels.moment.is_empty(), temperature, 12);
         for held in [&mut set.held, &mut set.many_held] {
-            held.values = set.world.deflections(&held.poses, &held.rows, wish.sensed_heldout);
+            held.values = set.world.deflections(&held.poses, &held.rows, conditions.sensed_heldout);
         }
         Ok(Some(set))
     }
@@ -228,7 +236,7 @@ impl Set {
     }
 
     /// Puts effects into the machine, as strong as wanted; false when they cannot be seen there.
-    fn put_in(&mut self, specs: &[Spec], wish: &Wish, rng: &mut Random) -> bool {
+    fn put_in(&mut self, specs: &[Spec], conditions: &Conditions, rng: &mut Random) -> bool {
         let tuning = Tuning::new(&self.world, &self.poses, &self.rows, self.rotations);
         let mut signals = Vec::new();
         let mut chosen = Vec::new();
@@ -236,7 +244,7 @@ impl Set {
         for spec in specs {
             let bins = [(35.0, 100.0), (100.0, 400.0), (400.0, 1000.0), (1000.0, 5000.0)];
             let (low, high) = bins[if specs.len() > 1 { 1 + rng.index(3) } else { rng.index(4) }];
-            let target = wish.lambda.unwrap_or_else(|| rng.log_between(low, high));
+            let target = conditions.lambda.unwrap_or_else(|| rng.log_between(low, high));
             let signal = |effect: &Effect| self.signal(&bare, &bare.with(vec![effect.clone()]));
             let lambda = |effect: &Effect| tuning.lambda(&signal(effect));
             let effect = scaled_to(Effect::random(spec, rng), spec, target, lambda);
@@ -252,7 +260,7 @@ impl Set {
         });
         self.world = bare.with(chosen);
         self.lambda = tuning.lambda(&self.signal(&bare, &self.world));
-        wish.effect.is_some() || wish.lambda.is_some() || (seen && apart)
+        conditions.effect.is_some() || conditions.lambda.is_some() || (seen && apart)
     }
 
     /// Makes a part of the machine other than declared; false when no fit would find that.
@@ -376,9 +384,9 @@ impl Set {
 }
 
 /// Which effects a set of this kind gets.
-fn specs(kind: Kind, wish: &Wish, rng: &mut Random) -> Result<Vec<Spec>, String> {
+fn specs(kind: Kind, conditions: &Conditions, rng: &mut Random) -> Result<Vec<Spec>, String> {
     let listed = |rng: &mut Random| if rng.chance(0.04) { effects::COUPLING } else { rng.pick(&LISTED) };
-    let wished = match &wish.effect {
+    let wished = match &conditions.effect {
         Some(id) => Some(effects::find(id).ok_or_else(|| format!("no effect {id}"))?),
         None => None,
     };

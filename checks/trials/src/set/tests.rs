@@ -5,24 +5,24 @@ use super::*;
 #[test]
 fn everything_follows_from_the_seed() {
     for kind in [Kind::None, Kind::Two, Kind::Declared, Kind::Outside, Kind::LoadErrors] {
-        let [a, b] = [0, 1].map(|_| Set::new(kind, 7, &Wish::default()).unwrap());
+        let [a, b] = [0, 1].map(|_| Set::new(kind, 7, &Conditions::default()).unwrap());
         assert_eq!((a.truth(), a.readings), (b.truth(), b.readings));
     }
-    let [a, b] = [7, 8].map(|seed| Set::new(Kind::None, seed, &Wish::default()).unwrap());
+    let [a, b] = [7, 8].map(|seed| Set::new(Kind::None, seed, &Conditions::default()).unwrap());
     assert_ne!(a.readings[0], b.readings[0]);
 }
 
 #[test]
 fn every_effect_can_be_made_and_reaches_lambda() {
     for spec in LISTED.iter().chain([&effects::COUPLING]).chain(&OUTSIDE).chain(&FORMS) {
-        let wish = Wish { effect: Some(spec.id.to_owned()), lambda: Some(60.0), ..Wish::default() };
+        let conditions = Conditions { effect: Some(spec.id.to_owned()), lambda: Some(60.0), ..Conditions::default() };
         let is_among = |list: &[Spec]| list.iter().any(|s| s.id == spec.id);
         let kind = match spec {
             _ if is_among(&OUTSIDE) => Kind::Outside,
             _ if is_among(&FORMS) => Kind::Forms,
             _ => Kind::One,
         };
-        let set = Set::new(kind, 3, &wish).unwrap();
+        let set = Set::new(kind, 3, &conditions).unwrap();
         assert!(set.readings.iter().chain(&set.held.values).all(|d| d.norm() < 0.02), "{}", spec.id);
         // all stiffnesses together take a gain of the load; a telescope is never a plain rod
         let range = match spec.id {

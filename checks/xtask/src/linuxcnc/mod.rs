@@ -329,7 +329,7 @@ fn plain(name: &str) -> String {
 }
 
 /// Before a hole, and how deep it is, mm.
-const CLEAR_MM: f64 = 10.0;
+const CLEARANCE_MM: f64 = 10.0;
 const DEEP_MM: f64 = 5.0;
 
 /// The holes of a job, drilled: X Y Z A B at every millimetre along the tool's axis, since A and B that hold it change on the
@@ -360,7 +360,7 @@ fn program(machine: &MachineFile, job: &Path, slide_mm: &[[f64; 2]]) -> Result<S
                 let [a, b] = near.beta_rad.map(f64::to_degrees).into();
                 Ok::<_, String>(format!("X{x:.6} Y{y:.6} Z{z:.6} A{a:.8} B{b:.8}\n"))
             };
-            write!(text, "(hole {} of series {})\nG0 {}", m + 1, plain(&series.name), point(-CLEAR_MM)?).ok();
+            write!(text, "(hole {} of series {})\nG0 {}", m + 1, plain(&series.name), point(-CLEARANCE_MM)?).ok();
             write!(text, "G0 {}", point(-1.0)?).ok();
             let load = series.wrench.to_vector();
             let load: Vec<_> = load.iter().enumerate().filter(|(_, v)| **v != 0.0).collect();
@@ -369,7 +369,7 @@ fn program(machine: &MachineFile, job: &Path, slide_mm: &[[f64; 2]]) -> Result<S
                 write!(text, "G1 F300 {}", point(f64::from(depth))?).ok();
             }
             text.extend(load.iter().map(|(i, _)| format!("M67 E{i} Q0\n")));
-            for depth in (-(CLEAR_MM as i32)..DEEP_MM as i32).rev() {
+            for depth in (-(CLEARANCE_MM as i32)..DEEP_MM as i32).rev() {
                 write!(text, "G0 {}", point(f64::from(depth))?).ok();
             }
         }

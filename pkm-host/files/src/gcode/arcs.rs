@@ -13,7 +13,7 @@ const FULL_CIRCLE_RAD: f64 = 1e-6;
 /// Most straight moves of one arc.
 const MAX_CHORDS: f64 = 1e6;
 /// Most turns of one arc.
-const MOST_TURNS: f64 = 1e4;
+const MAX_TURNS: f64 = 1e4;
 
 /// `G17`, `G18`, `G19`: the two axes of the plane, right-handed, and the third.
 #[derive(Clone, Copy, PartialEq)]
@@ -77,8 +77,8 @@ impl Arc {
             ));
         }
         let turns = words.turns.unwrap_or(1.0);
-        if !(turns.fract() == 0.0 && (1.0..=MOST_TURNS).contains(&turns)) {
-            return Err(format!("P{turns}: expected a whole number of turns from 1 to {MOST_TURNS}"));
+        if !(turns.fract() == 0.0 && (1.0..=MAX_TURNS).contains(&turns)) {
+            return Err(format!("P{turns}: expected a whole number of turns from 1 to {MAX_TURNS}"));
         }
         let full = std::f64::consts::TAU;
         let sign = if words.clockwise { -1.0 } else { 1.0 };

@@ -14,9 +14,9 @@ pub(super) const UNKNOWN: f64 = 1e8;
 /// What is beyond this is [`UNKNOWN`] and some offsets.
 const KNOWN_WITHIN: f64 = 0.5 * UNKNOWN;
 /// How far a length may be from that of a tool of the table, mm.
-const SAME_LENGTH_MM: f64 = 1e-5;
+const LENGTH_TOLERANCE_MM: f64 = 1e-5;
 /// How far an origin may be from the one that is known, mm.
-const SAME_ORIGIN_MM: f64 = 1e-6;
+const ORIGIN_TOLERANCE_MM: f64 = 1e-6;
 /// Longest note of a line of the program; LinuxCNC takes lines of 255 characters.
 const NOTE_LENGTH: usize = 200;
 const MARK: &str = "pkm-host line";
@@ -331,7 +331,7 @@ impl<'a> Canonical<'a> {
             return Ok(());
         }
         let before = self.frames_mm[self.frame];
-        let is_same = before.is_some_and(|b| (0..3).all(|i| (b[i] - origin_mm[i]).abs() <= SAME_ORIGIN_MM));
+        let is_same = before.is_some_and(|b| (0..3).all(|i| (b[i] - origin_mm[i]).abs() <= ORIGIN_TOLERANCE_MM));
         if !origin_mm.iter().all(|v| is_known(*v)) {
             return Err(unknown(self.frame, self.setup));
         }
@@ -359,7 +359,7 @@ impl<'a> Canonical<'a> {
             self.put("G49");
             return Ok(());
         }
-        let tool = self.setup.tools.with_length(self.tool, length_mm, SAME_LENGTH_MM).ok_or_else(|| {
+        let tool = self.setup.tools.with_length(self.tool, length_mm, LENGTH_TOLERANCE_MM).ok_or_else(|| {
             format!("a tool length of {length_mm:.6} mm is that of no tool of --tools: of tool lengths G43 H and G49 are supported")
         })?;
         self.put(&format!("G43 H{tool}"));
@@ -416,7 +416,7 @@ impl<'a> Canonical<'a> {
     /// The words of a place, and whether there are any.
     fn reach(&mut self, mut there: [f64; 6], to: &[f64; 6], words: &mut Vec<String>) -> Result<bool, Refusal> {
         match self.implied_z_mm {
-            Some(z_mm) if (there[2] - z_mm).abs() < SAME_ORIGIN_MM => there[2] = UNKNOWN,
+            Some(z_mm) if (there[2] - z_mm).abs() < ORIGIN_TOLERANCE_MM => there[2] = UNKNOWN,
             _ => self.implied_z_mm = None,
         }
         for (i, letter) in "XYZABC".chars().enumerate() {

@@ -6,7 +6,7 @@ use super::modal::Modal;
 use super::words::Line;
 use super::{Refusal, Setup};
 use crate::cutting::{Cut, Cutter, Side};
-use crate::dataset::MOST_LOAD;
+use crate::dataset::MAX_LOAD;
 use crate::path::Load;
 use crate::tools::{Called, Tools};
 
@@ -80,13 +80,13 @@ fn given(comment: &str) -> Result<Option<Wrench<f64>>, Refusal> {
     let mut wrench = [0.0; 6];
     let counts = values.len() == 6 || (is_force && values.len() == 3);
     for (to, value) in wrench.iter_mut().zip(&values).filter(|_| counts) {
-        match value.filter(|v| v.abs() <= MOST_LOAD) {
+        match value.filter(|v| v.abs() <= MAX_LOAD) {
             Some(value) => *to = value,
-            None => return Err(format!("expected {expected} in N and N·m within ±{MOST_LOAD:e}, found `{text}`")),
+            None => return Err(format!("expected {expected} in N and N·m within ±{MAX_LOAD:e}, found `{text}`")),
         }
     }
     if !counts {
-        return Err(format!("expected {expected} in N and N·m within ±{MOST_LOAD:e}, found `{text}`"));
+        return Err(format!("expected {expected} in N and N·m within ±{MAX_LOAD:e}, found `{text}`"));
     }
     Ok(Some(Wrench::from_vector(wrench.into())))
 }

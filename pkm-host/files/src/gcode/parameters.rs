@@ -8,7 +8,7 @@ use super::Refusal;
 /// `#1` to `#30` are a subroutine's own: its arguments.
 pub(super) const ARGUMENTS: usize = 30;
 /// Those above belong to the control: probed places, offsets, tools, positions.
-const MOST: f64 = 5000.0;
+const MAX_NUMBER: f64 = 5000.0;
 /// How far a number may be from the whole one that it stands for.
 const WHOLE_TOLERANCE: f64 = 1e-4;
 
@@ -26,9 +26,9 @@ impl Parameter {
         if (number - whole).abs() > WHOLE_TOLERANCE || whole < 1.0 {
             return Err(format!("#{number}: expected a parameter's number, a whole one from 1"));
         }
-        if whole > MOST {
+        if whole > MAX_NUMBER {
             let message = format!(
-                "#{whole}: parameters above #{MOST} are the control's own (places, offsets, tools), and what it keeps in them is \
+                "#{whole}: parameters above #{MAX_NUMBER} are the control's own (places, offsets, tools), and what it keeps in them is \
                  not known here: write the number, or have LinuxCNC's interpreter read the program (--interpreter rs274)"
             );
             return Err(message);

@@ -1,14 +1,14 @@
 //! From a load cell's log to the load of each reading: what a shop has that pulls at a machine and records the cell beside its gauges.
 //!
 //! `clocks`: when readings were taken, by the log's clock. `window`: what the log says around a time. `meant`: which way the cell pulls, by
-//! what the readings' file says. `doubts`: what may be wrong and yet is read. Here: zero, mean and scatter of each reading.
+//! what the readings' file says. `checks`: what may be wrong and yet is read. Here: zero, mean and scatter of each reading.
 //!
 //! The load of a reading is the mean of the log's samples in a window around its time, less the zero of the cell. Its standard deviation is
 //! that of a single sample, not of the mean: samples of a cell's amplifier follow one another far faster than what moves the load, and
 //! nothing in a window of seconds tells how many of them count.
 
+mod checks;
 mod clocks;
-mod doubts;
 mod meant;
 mod table;
 mod window;
@@ -107,7 +107,7 @@ pub fn join(sheet: &mut Sheet, log: &LoadLog, options: &Options) -> Result<Joine
     let loads: Vec<Load> = (wrenches.iter().zip(&read).zip(&deviations))
         .map(|((wrench, read), sd)| Load { wrench: *wrench, random: random(read, sd).filter(|_| size(wrench) > 0.0) })
         .collect();
-    let joint = doubts::Joint {
+    let joint = checks::Joint {
         sheet,
         log,
         times: &times,
@@ -118,7 +118,7 @@ pub fn join(sheet: &mut Sheet, log: &LoadLog, options: &Options) -> Result<Joine
         read: &read,
     };
     let mut warnings: Vec<String> = doubt.map(|what| joint.text(&[], times.column, &what)).into_iter().collect();
-    warnings.extend(joint.doubts(&wrenches, &flipped, options));
+    warnings.extend(joint.warnings(&wrenches, &flipped, options));
     table::write(sheet, &loads)?;
     let scatter: Vec<f64> = loads.iter().filter_map(|l| l.random).collect();
     let count = |best: fn(usize, usize) -> usize| windows.iter().map(|w| w.samples.len()).reduce(best).unwrap_or(0);

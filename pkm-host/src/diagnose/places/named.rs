@@ -16,7 +16,7 @@ use crate::diagnose::model::{Model, info};
 use crate::pose::NamedPose;
 
 /// Relative deviation up to which compliances add and wrenches are the same.
-const LINEAR: f64 = 1e-6;
+const LINEAR_TOLERANCE: f64 = 1e-6;
 
 fn of_declared(d: &Declared) -> String {
     match d.part {
@@ -107,14 +107,15 @@ fn compliance(blocks: &Blocks<'_>, amplitude: Unknown, shapes: &[(Unknown, f64)]
             let d = elastic::full(&t.compliance);
             let in_series = machine.stiffness(&p.pose).ok()?.matrix().cholesky()?.inverse()
                 - elastic::solve(&f.wrenches, &d, &M6::zeros())?.compliance;
-            let is_same = (t.wrenches - f.wrenches).norm() <= LINEAR * f.wrenches.norm();
+            let is_same = (t.wrenches - f.wrenches).norm() <= LINEAR_TOLERANCE * f.wrenches.norm();
             is_same.then(|| d + f.wrenches.tr_mul(&(in_series * f.wrenches)))
         };
         blocks.frames.iter().zip(&blocks.readings.poses).map(of).collect()
     };
     let (none, one, two) = (at(0.0)?, at(1.0)?, at(2.0)?);
     let added: Vec<M8> = one.iter().zip(&none).map(|(a, b)| a - b).collect();
-    let acts = added.iter().zip(&none).any(|(e, d)| e.norm() > LINEAR * d.norm());
-    let is_linear = |((e, n), t): ((&M8, &M8), &M8)| (t - n - e * 2.0).norm() <= LINEAR * (e.norm() + n.norm());
+    let acts = added.iter().zip(&none).any(|(e, d)| e.norm() > LINEAR_TOLERANCE * d.norm());
+    let is_linear =
+        |((e, n), t): ((&M8, &M8), &M8)| (t - n - e * 2.0).norm() <= LINEAR_TOLERANCE * (e.norm() + n.norm());
     (acts && added.iter().zip(&none).zip(&two).all(is_linear)).then_some(added)
 }

@@ -5,7 +5,7 @@ use crate::error::{Failure, Result};
 /// Share of the range that is left free at each end.
 const MARGIN: f64 = 0.06;
 /// Decades from which on powers of ten alone are marked.
-const MANY_DECADES: f64 = 2.5;
+const POWERS_ALONE_DECADES: f64 = 2.5;
 
 /// A range of values; of their logarithms on a logarithmic axis.
 #[derive(Clone)]
@@ -58,7 +58,7 @@ impl Axis {
     /// Round values, at most about as many as asked for, with their labels.
     pub(super) fn ticks(&self, most: f64) -> Vec<(f64, String)> {
         let span = self.length();
-        if self.logarithmic && span < MANY_DECADES {
+        if self.logarithmic && span < POWERS_ALONE_DECADES {
             let (first, last) = (self.low.floor() as i32, self.high.ceil() as i32);
             let marked: &[f64] = if span > 1.2 { &[1.0, 3.0] } else { &[1.0, 2.0, 5.0] };
             let values = (first..=last).flat_map(|n| marked.iter().map(move |m| m * 10_f64.powi(n)));

@@ -31,11 +31,11 @@ const LETTER: f64 = 7.4;
 /// The same of a name in a legend, at the most: the next one follows right behind it.
 const LEGEND_LETTER: f64 = 8.2;
 /// Points of a series from which on another would cover it: each series gets a strip of its own.
-const MANY_POINTS: usize = 60;
+const MAX_POINTS_OVERLAID: usize = 60;
 /// Opacity of a band.
 const BAND: &str = ".3";
 /// Points of a line that are marked each.
-const FEW_POINTS: usize = 60;
+const MAX_POINTS_MARKED: usize = 60;
 
 /// What is drawn, without the frame of an SVG.
 pub(super) struct Drawing {
@@ -179,7 +179,7 @@ impl Plot {
             };
             let marked = match series.mark {
                 Mark::Dot | Mark::Numbered | Mark::Step => true,
-                Mark::Line => points.len() <= FEW_POINTS,
+                Mark::Line => points.len() <= MAX_POINTS_MARKED,
                 Mark::Vector => n % 2 == 1,
                 Mark::Cross | Mark::Band => false,
             };
@@ -233,7 +233,7 @@ pub(super) fn panel(panel: &Panel, keys: &[Vec<usize>], logarithmic: bool) -> Re
     let names: Vec<&str> = panel.series.iter().map(|s| s.name.as_str()).collect();
     let legend = (names.len() > 1).then(|| legend(&names, WIDTH, top, |i| Some(panel.series[i].mark)));
     top += 8.0 + legend.as_ref().map_or(0.0, |l| l.1);
-    let covers = |s: &&Series| s.mark == Mark::Dot && s.points.len() > MANY_POINTS;
+    let covers = |s: &&Series| s.mark == Mark::Dot && s.points.len() > MAX_POINTS_OVERLAID;
     let strips = if panel.series.iter().filter(covers).count() > 1 { panel.series.len() } else { 1 };
     let own = (height - GAP * (strips - 1) as f64) / strips as f64;
     let plot = |n: usize| Plot { x: x.clone(), y: y.clone(), top: top + n as f64 * (own + GAP), height: own };

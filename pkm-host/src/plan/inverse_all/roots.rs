@@ -19,9 +19,9 @@ const BINOMIAL: [f64; DEGREE + 1] =
 /// What rounding leaves of a coefficient, as a share of its greatest term.
 const NOISE: f64 = 1e-13;
 /// Share of a stretch that is not divided any more.
-const SMALLEST: f64 = 1e-4;
+const MIN_STRETCH: f64 = 1e-4;
 /// How far from an isolated root that of one of the two ways is looked for, rad.
-const NEAR: f64 = 1e-3;
+const ROOT_DISTANCE_RAD: f64 = 1e-3;
 /// A polynomial over a stretch: its Bernstein coefficients times the binomials, so that products are convolutions.
 #[derive(Clone, Copy)]
 struct Polynomial {
@@ -197,7 +197,7 @@ impl ToolEquation<'_> {
                 let changes = c.windows(2).filter(|two| (two[0] > 0.0) != (two[1] > 0.0)).count();
                 if changes == 1 && c[0].abs() > noise && c[DEGREE].abs() > noise {
                     found.push(stretch.beta2(part.root()));
-                } else if part.high - part.low > SMALLEST {
+                } else if part.high - part.low > MIN_STRETCH {
                     open.extend(part.halves());
                 } else {
                     crowded = true;
@@ -231,7 +231,7 @@ impl ToolEquation<'_> {
             (last, at_last) = (beta2, at);
             beta2 -= step;
             at = self.squared_off(beta2, side);
-            if !((beta2 - candidate).abs() < NEAR) {
+            if !((beta2 - candidate).abs() < ROOT_DISTANCE_RAD) {
                 return None;
             }
             if step.abs() < 1e-13 {

@@ -10,7 +10,7 @@ const GRID: usize = 128;
 /// Steps over a stretch of β2 without edges.
 const STRETCH: usize = 48;
 /// Least |β2|: at 0 the equation is 0/0.
-const NEAR_ZERO: f64 = 1e-7;
+const MIN_BETA2_RAD: f64 = 1e-7;
 
 impl ToolEquation<'_> {
     /// (C2 − e·w) / S2²; NaN where the platform cannot be turned so.
@@ -35,7 +35,7 @@ impl ToolEquation<'_> {
         let [low, high] = [self.wrist.min_rad[1] - 1e-9, self.wrist.max_rad[1] + 1e-9];
         let grid = (0..=GRID).map(|n| low + (high - low) * n as f64 / GRID as f64);
         let mut breaks: Vec<f64> =
-            [low, high, -NEAR_ZERO, NEAR_ZERO].into_iter().filter(|b| *b >= low && *b <= high).collect();
+            [low, high, -MIN_BETA2_RAD, MIN_BETA2_RAD].into_iter().filter(|b| *b >= low && *b <= high).collect();
         for i in 0..2 {
             let room = |beta2: f64| self.room(beta2)[i];
             let samples: Vec<_> = grid.clone().map(|beta2| (beta2, room(beta2))).collect();
@@ -61,7 +61,7 @@ impl ToolEquation<'_> {
         let mut found = Vec::new();
         for (low, high) in breaks.iter().zip(breaks.iter().skip(1)) {
             let (middle, half) = (0.5 * (low + high), 0.5 * (high - low));
-            if middle.abs() <= NEAR_ZERO {
+            if middle.abs() <= MIN_BETA2_RAD {
                 let (a, b) = (off(*low), off(*high));
                 if (a > 0.0) != (b > 0.0) {
                     found.push(low + (high - low) * a / (a - b));

@@ -18,9 +18,9 @@ use crate::progress::Progress;
 pub mod claims;
 
 /// Cells along the longer side of a map when no step is given, at least.
-const LEAST_CELLS: f64 = 100.0;
+const MIN_CELLS: f64 = 100.0;
 /// Most points of a run.
-const MOST_POINTS: f64 = 2e6;
+const MAX_POINTS: f64 = 2e6;
 
 /// Units of k11…k66 in names of columns.
 const UNITS: [&str; 6] = ["n_per_m", "n_per_m", "n_per_m", "nm_per_rad", "nm_per_rad", "nm_per_rad"];
@@ -287,7 +287,7 @@ fn grid(file: &MachineFile, sigma_deg: f64, window: &Window) -> Result<Grid> {
     let ranges: [[f64; 2]; 2] = std::array::from_fn(|axis| given[axis].unwrap_or(open[axis]));
     let lengths = ranges.map(|[low, high]| high - low);
     let (longest, shortest) = (lengths[0].max(lengths[1]), lengths[0].min(lengths[1]));
-    let step_mm = window.step_mm.unwrap_or_else(|| round_step((longest / LEAST_CELLS).min(shortest)));
+    let step_mm = window.step_mm.unwrap_or_else(|| round_step((longest / MIN_CELLS).min(shortest)));
     if shortest < step_mm {
         let [[x0, x1], [z0, z1]] = ranges;
         return Err(Failure::usage(format!(
@@ -307,9 +307,9 @@ fn grid(file: &MachineFile, sigma_deg: f64, window: &Window) -> Result<Grid> {
         }
     }
     let total = (steps[0] + 1.0) * (steps[1] + 1.0);
-    if total > MOST_POINTS {
+    if total > MAX_POINTS {
         return Err(Failure::usage(format!(
-            "a step of {step_mm} mm makes {total:.1e} points, more than {MOST_POINTS:.0e}: take more, or a part of the plane"
+            "a step of {step_mm} mm makes {total:.1e} points, more than {MAX_POINTS:.0e}: take more, or a part of the plane"
         )));
     }
     Ok(Grid { least_mm, count: steps.map(|n| n as usize + 1), step_mm })

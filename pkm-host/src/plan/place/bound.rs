@@ -13,10 +13,10 @@ use super::taylor::{ROUNDING, Taylor};
 use super::{Objective, Posture};
 
 /// Holes whose cost is bounded over a cell, at the least, where the greatest counts: a mean of two may be bounded better than either.
-const FEW: usize = 3;
+const MIN_BOUNDED_HOLES: usize = 3;
 /// Of what is kept of a cell and its boxes: of the objective that is to be small, of the one that may not be too great.
-const LEAST: usize = 0;
-const MOST: usize = 1;
+const MINIMISED: usize = 0;
+const LIMITED: usize = 1;
 /// Powers of ten: by which the other objective's excess may count, both as shares of their sizes. The paper's objective differs by
 /// some 1e-4 where tips move ten times as much.
 const FACTORS: [f64; 2] = [-2.0, 6.0];
@@ -106,25 +106,25 @@ impl<const N: usize> Search<'_, N> {
         let (objective, nowhere) = (self.goal.least, f64::INFINITY);
         let (mut costs, mut reached) = (Vec::new(), vec![None; order.len()]);
         if objective == Objective::CycleTime {
-            let Some(ways) = self.ways(LEAST, &mut node, reached) else {
+            let Some(ways) = self.ways(MINIMISED, &mut node, reached) else {
                 return Seen { node: None, best, done: nowhere };
             };
-            node.bound = objective.value(node.lows[LEAST].iter().copied()).max(node.bound);
+            node.bound = objective.value(node.lows[MINIMISED].iter().copied()).max(node.bound);
             (costs, reached, order) = (ways, vec![None; in_middle.len()], Vec::new());
         }
         for (n, hole) in order.into_iter().enumerate() {
-            let bound = objective.value(node.lows[LEAST].iter().copied());
+            let bound = objective.value(node.lows[MINIMISED].iter().copied());
             // nowhere in the cell is the least of this one, and of those after it, above its value in the middle
-            if objective == Objective::TipWorst && n >= FEW && in_middle[hole] <= bound {
+            if objective == Objective::TipWorst && n >= MIN_BOUNDED_HOLES && in_middle[hole] <= bound {
                 break;
             }
             let mut solved = self.solved(hole, &mut node);
-            let Some(cost) = self.cost(LEAST, hole, &mut node, &mut solved) else {
+            let Some(cost) = self.cost(MINIMISED, hole, &mut node, &mut solved) else {
                 return Seen { node: None, best, done: nowhere };
             };
             reached[hole] = Some(solved);
             costs.push(cost);
-            node.bound = objective.value(node.lows[LEAST].iter().copied()).max(node.bound);
+            node.bound = objective.value(node.lows[MINIMISED].iter().copied()).max(node.bound);
             if node.bound >= enough {
                 return Seen { node: None, best, done: node.bound };
             }
@@ -155,15 +155,15 @@ impl<const N: usize> Search<'_, N> {
     ) -> Option<Taylor<N>> {
         let is_above = |low: f64| low * (1.0 - ROUNDING) > most;
         if other == Objective::CycleTime {
-            let ways = self.ways(MOST, node, reached)?;
-            let is_nowhere = is_above(other.value(node.lows[MOST].iter().copied()));
+            let ways = self.ways(LIMITED, node, reached)?;
+            let is_nowhere = is_above(other.value(node.lows[LIMITED].iter().copied()));
             return Some(together(other, &ways)).filter(|over| !is_nowhere && !is_above(over.low()));
         }
         let mut costs = Vec::new();
         for (hole, solved) in reached.into_iter().enumerate() {
             let mut solved = solved.unwrap_or_else(|| self.solved(hole, node));
-            costs.push(self.cost(MOST, hole, node, &mut solved)?);
-            if is_above(other.value(node.lows[MOST].iter().copied())) {
+            costs.push(self.cost(LIMITED, hole, node, &mut solved)?);
+            if is_above(other.value(node.lows[LIMITED].iter().copied())) {
                 return None;
             }
         }
@@ -200,7 +200,7 @@ impl<const N: usize> Search<'_, N> {
 
     /// Of the best way to reach a hole, by the objective that is to be small or by the other one. What is not possible is taken out.
     fn cost(&self, kept: usize, hole: usize, node: &mut Node, solved: &mut Vec<Solved<N>>) -> Option<Cost<N>> {
-        let objective = if kept == LEAST { self.goal.least } else { self.goal.most?.0 };
+        let objective = if kept == MINIMISED { self.goal.least } else { self.goal.most?.0 };
         let mut costs = Vec::new();
         solved.retain_mut(|one| {
             let cost = self.cover.cost((objective, kept), hole, &node.cell, one);

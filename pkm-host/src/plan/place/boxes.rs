@@ -5,9 +5,9 @@ use nalgebra::Vector2;
 use crate::files::job::{PerAxis, Position};
 
 /// Where a box is not divided any more, rad.
-pub(super) const SMALLEST: f64 = 1e-6;
+pub(super) const MIN_BOX_RAD: f64 = 1e-6;
 /// How much narrower than it was a box is when its cost is bounded once more.
-const NARROWER: f64 = 0.7;
+const NARROWING: f64 = 0.7;
 
 /// A cell of positions of the table: dx, dy, rotary axis.
 #[derive(Clone, Copy, Debug)]
@@ -89,12 +89,12 @@ impl Box2 {
 
     /// Whether what was bounded for some half widths is hardly any narrower now.
     pub fn is_as_wide(&self, cell: &Cell, bounded: &[f64; 3]) -> bool {
-        self.widths(cell).iter().zip(bounded).all(|(now, then)| *now >= NARROWER * then)
+        self.widths(cell).iter().zip(bounded).all(|(now, then)| *now >= NARROWING * then)
     }
 
     /// Whether β1 and β2 are in it.
     pub fn holds(&self, beta: &Vector2<f64>) -> bool {
-        (0..2).all(|i| (beta[i] - self.middle[i]).abs() <= self.half[i] + SMALLEST)
+        (0..2).all(|i| (beta[i] - self.middle[i]).abs() <= self.half[i] + MIN_BOX_RAD)
     }
 
     pub fn halves(self) -> [Self; 2] {

@@ -10,7 +10,7 @@ use pkm_core::effects::Effects;
 use pkm_core::kinematics::platform_axes;
 use pkm_core::{Configuration, CorrectionTable, FiveAxis, Pose, Scalar, Stiffness, Wrench};
 
-use super::boxes::{Beside, Box2, Cell, Joints, Known, SMALLEST};
+use super::boxes::{Beside, Box2, Cell, Joints, Known, MIN_BOX_RAD};
 use super::newton::{Narrowed, narrowed};
 use super::targets::Target;
 use super::taylor::{THREE, Taylor, decided};
@@ -21,13 +21,13 @@ use crate::files::job::PerAxis;
 /// What a limit may be passed by, relative, before nothing is taken to be there: more than the core's own slack.
 const SLACK: f64 = 1e-7;
 /// Where a box beside a great cell is divided, rad: over a greater one a cost is hardly known.
-const WIDEST: f64 = 0.03;
+const MAX_BOX_RAD: f64 = 0.03;
 /// Boxes of a hole that one may take the place of: solutions that a box's edge goes through are in two, or at its corner in four.
-const MOST_MERGED: usize = 4;
+const MAX_MERGED: usize = 4;
 /// Newton's steps for that.
 const MERGING_STEPS: usize = 3;
 /// Boxes that are looked at for a hole and a cell, at the most.
-const MOST_BOXES: usize = 3000;
+const MAX_BOXES: usize = 3000;
 
 /// A box in which a cell's solutions follow from the position: β1 and β2 over the cell.
 #[derive(Clone, Debug)]
@@ -261,14 +261,16 @@ impl<'a, const N: usize> Cover<'a, N> {
             };
             match narrowed {
                 Narrowed::Empty => {}
-                Narrowed::Solved(None) if within.half[0].max(within.half[1]) > WIDEST => open.extend(within.halves()),
+                Narrowed::Solved(None) if within.half[0].max(within.half[1]) > MAX_BOX_RAD => {
+                    open.extend(within.halves())
+                }
                 Narrowed::Solved(over_cell) => {
                     if let (None, Some(stand)) = (over_cell, &over_box) {
                         within.slide = [0, 1].map(|i: usize| [stand.slide[i].middle(), stand.slide[i].spread()]);
                     }
                     solved.push(Solved::new(within, over_cell, over_box.filter(|_| over_cell.is_none())));
                 }
-                _ if count > MOST_BOXES || within.half[0].max(within.half[1]) < SMALLEST => {
+                _ if count > MAX_BOXES || within.half[0].max(within.half[1]) < MIN_BOX_RAD => {
                     solved.push(Solved::new(within, None, over_box));
                 }
                 Narrowed::To { middle, half } => open.push(Box2 { middle, half, ..within }),
@@ -281,7 +283,7 @@ impl<'a, const N: usize> Cover<'a, N> {
     /// Puts a box with tools on one side in place of several, where its solutions follow from the position all over the cell.
     pub fn merge(&self, hole: usize, cell: &Cell, side: f64, solved: &mut Vec<Solved<N>>) {
         let parts = || solved.iter().map(|one| &one.within).filter(|within| within.side == side);
-        if !(2..=MOST_MERGED).contains(&parts().count()) {
+        if !(2..=MAX_MERGED).contains(&parts().count()) {
             return;
         }
         let ends = [0, 1].map(|i: usize| {

@@ -15,7 +15,7 @@ use crate::files::job::{Job, Series};
 use crate::files::limits::JointLimits;
 
 /// Boxes of a hole from which on a cell is so great that nothing is known of its times: all pairs of two holes' boxes would be looked at.
-const MOST_BOXES: usize = 32;
+const MAX_BOXES: usize = 32;
 
 /// Whether cycle times are known, and not all the same.
 pub(super) fn possible(job: &Job, limits: Option<&JointLimits>) -> Result<()> {
@@ -96,7 +96,7 @@ impl<const N: usize> Search<'_, N> {
         for (hole, solved) in reached.into_iter().enumerate() {
             let mut solved = solved.unwrap_or_else(|| self.solved(hole, node));
             let mut here = Vec::new();
-            if solved.len() > MOST_BOXES {
+            if solved.len() > MAX_BOXES {
                 here.push([Taylor::UNKNOWN; 5]);
             } else {
                 solved.retain_mut(|one| {

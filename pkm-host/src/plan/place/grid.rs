@@ -14,7 +14,7 @@ const POLISHED: usize = 6;
 /// Steps of a grid over cross slide and rotary axis together, as a multiple of those over either: slide, rotary axis.
 const COARSER: [f64; 2] = [10.0, 5.0];
 /// Of a grid.
-const MOST_POSITIONS: f64 = 4e6;
+const MAX_POSITIONS: f64 = 4e6;
 
 /// One position of the grid as an objective sees it.
 #[derive(Clone, Copy, Debug)]
@@ -54,9 +54,9 @@ pub(super) fn grid_axes(job: &Job, options: &Options) -> Result<PerAxis<Vec<f64>
     let steps = PerAxis { dx_m: step_m, dy_m: step_m, rotary_rad: turn * options.step_rad };
     let count: f64 =
         Axis::ALL.map(|axis| (job.limits[axis][1] - job.limits[axis][0]) / steps[axis] + 1.0).iter().product();
-    if !(count <= MOST_POSITIONS) {
+    if !(count <= MAX_POSITIONS) {
         let message =
-            format!("a grid of {count:.1e} positions is too fine, at most {MOST_POSITIONS:e}: give greater steps");
+            format!("a grid of {count:.1e} positions is too fine, at most {MAX_POSITIONS:e}: give greater steps");
         return Err(Failure::usage(message));
     }
     Ok(PerAxis::of(|axis| places(job.limits[axis], steps[axis])))

@@ -28,7 +28,7 @@ const PARTS: usize = 6;
 /// Places on the rim of a hole's disc that the search looks at, beside its middle.
 const RIM: usize = 8;
 /// Half the least cell that a worst case is bounded over, m: over one of no width Newton's steps find no end.
-const LEAST_RADIUS_M: f64 = 1e-6;
+const MIN_RADIUS_M: f64 = 1e-6;
 
 /// Of a force whose direction is within a cone: some that it may be, along the cone's axis and on its rim, and corners of a convex
 /// body that holds all of them.
@@ -157,7 +157,7 @@ impl Searcher<'_> {
         let table = self.model.table.as_ref().and_then(|table| table.converted(&mut store));
         let five = FiveAxis { machine: &machine, wrist: &wrist };
         let cover = Cover::new(self.model, five, table, &self.targets);
-        let radius = uncertain.hole_radius_m.max(LEAST_RADIUS_M);
+        let radius = uncertain.hole_radius_m.max(MIN_RADIUS_M);
         let cell = Cell { middle: [position.dx_m, position.dy_m, position.rotary_rad], half: [radius, radius, 0.0] };
         let mut worst = Worst { most: 0.0, reached: true };
         let meant = self.targets.iter().enumerate().filter(|(_, target)| target.off_m == [0.0; 2]);

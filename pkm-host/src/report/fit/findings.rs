@@ -7,7 +7,7 @@ use crate::page::{Finding, State};
 /// A mean error that a model of the stiffness may have where it is used, %.
 pub(crate) const USABLE_PERCENT: f64 = 5.0;
 /// Poses that judge a table at the least: fewer lie in one plane of θ, σ and Z0, and leave a direction of the box untested.
-const LEAST_POSES: usize = 4;
+const MIN_POSES: usize = 4;
 /// Errors that are no more than the rounding of the data, %: shown as 0.0.
 const ROUNDING_PERCENT: f64 = 0.05;
 
@@ -56,7 +56,7 @@ impl<'a> Judged<'a> {
 
     /// Whether other poses judge, and too few of them.
     fn by_few(&self) -> bool {
-        self.by_others && self.loaded.poses < LEAST_POSES
+        self.by_others && self.loaded.poses < MIN_POSES
     }
 }
 
@@ -154,7 +154,7 @@ fn verdict(judged: &Judged<'_>) -> Finding {
     } else if judged.by_few() {
         Finding::warning(format!(
             "The table is hardly tested: it predicts deflections with a mean error of {error:.1} % at most at A, {at_tip:.1} % at the tool's tip, on \
-             {} that it was not fitted to: fewer than {LEAST_POSES} lie in one plane of θ, σ and Z0, and leave a direction of its box untested.",
+             {} that it was not fitted to: fewer than {MIN_POSES} lie in one plane of θ, σ and Z0, and leave a direction of its box untested.",
             poses(e.poses)
         ))
     } else {
@@ -195,7 +195,7 @@ pub(super) fn advice(fit: &Fit, trained: &Evaluation, verified: Option<&Evaluati
         State::Good if judged.agrees() => "nothing: the controller needs no table.".to_owned(),
         State::Good => format!("compile coefficients.rs into the controller and use the factor form, inside {inside}: outside the status says so."),
         State::Warning if judged.by_few() => {
-            format!("give at least {LEAST_POSES} poses with --verify, over all of {inside}.")
+            format!("give at least {MIN_POSES} poses with --verify, over all of {inside}.")
         }
         State::Warning => {
             let others = (!judged.by_others).then_some("give other poses with all 21 entries of K with --verify");

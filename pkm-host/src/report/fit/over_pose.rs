@@ -51,11 +51,11 @@ fn tendencies(samples: &[Sample], i: usize) -> [Panel; 3] {
 }
 
 /// Most poses that a plot shows.
-const MOST_SHOWN: usize = 2000;
+const MAX_SHOWN: usize = 2000;
 
 /// Of how many poses one is shown, and the words for that.
 fn thinned(poses: usize) -> (usize, String) {
-    let step = poses.div_ceil(MOST_SHOWN).max(1);
+    let step = poses.div_ceil(MAX_SHOWN).max(1);
     (step, if step > 1 { format!(", one of {step} poses") } else { String::new() })
 }
 

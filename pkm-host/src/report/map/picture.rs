@@ -31,8 +31,8 @@ pub struct Legend<'a> {
 /// Pixels; the picture is drawn for a screen of high resolution or for print.
 mod size {
     pub const PLOT: (f64, f64) = (600.0, 560.0);
-    pub const SMALL: f64 = 0.62;
-    pub const LEAST: f64 = 120.0;
+    pub const SMALL_SCALE: f64 = 0.62;
+    pub const MIN_PX: f64 = 120.0;
     pub const LEFT: i32 = 110;
     pub const TICKS: i32 = 44;
     pub const BOTTOM: i32 = 90;
@@ -64,9 +64,9 @@ pub fn draw(file: &MachineFile, model: &Model<'_>, map: &Map, legend: &Legend<'_
     let region = Region::new(file, model, map)?;
     let [[x0, x1], [z0, z1]] = map.grid.extent_mm();
     let scale = (size::PLOT.0 / (x1 - x0)).min(size::PLOT.1 / (z1 - z0));
-    let at = |scale: f64| [x1 - x0, z1 - z0].map(|mm| (mm * scale).max(size::LEAST) as i32);
+    let at = |scale: f64| [x1 - x0, z1 - z0].map(|mm| (mm * scale).max(size::MIN_PX) as i32);
     let around = |[width, height]: [i32; 2]| (size::LEFT + width + size::RIGHT, size::CAPTION + height + size::BOTTOM);
-    let (plot, small) = (at(scale), at(scale * size::SMALL));
+    let (plot, small) = (at(scale), at(scale * size::SMALL_SCALE));
     let (panel_width, panel_height) = around(plot);
     let entries = entries(file, map, legend, &region);
     let legend_rows = entries.len().div_ceil(3) as i32;

@@ -12,9 +12,9 @@ use crate::replay::{BATCH, Replay, Step};
 /// An amplitude with more than this of its variance left is not known.
 const UNKNOWN: f64 = 0.5;
 /// A change by more of its deviations from before anything was read than this was not to be expected.
-const FAR_SD: f64 = 3.0;
+const UNEXPECTED_SD: f64 = 3.0;
 /// A value nearer to a limit than so many of its deviations is held there.
-const NEAR_SD: f64 = 0.1;
+const AT_LIMIT_SD: f64 = 0.1;
 /// So many readings refused in a row are no spikes.
 const BROKEN: usize = 20;
 
@@ -77,11 +77,11 @@ fn alarms_said(replay: &Replay) -> Vec<Finding> {
         )));
         found.push(Finding::warning(format!("Shared by what each is taken to vary, it is {}.", each.join(", "))));
     }
-    let far = |(n, alarm): &&(usize, Alarm)| alarm.change.abs() > FAR_SD * own(*n).deviation;
+    let far = |(n, alarm): &&(usize, Alarm)| alarm.change.abs() > UNEXPECTED_SD * own(*n).deviation;
     let far: Vec<String> = replay.standing().iter().filter(far).map(|(n, _)| named(own(*n).amplitude)).collect();
     if !far.is_empty() {
         found.push(Finding::warning(format!(
-            "{}: more than {FAR_SD} times the deviation that it is taken to have before anything is read, so that its interval is too \
+            "{}: more than {UNEXPECTED_SD} times the deviation that it is taken to have before anything is read, so that its interval is too \
              narrow: give a greater `deviation` (--learn).",
             far.join(", ")
         )));
@@ -152,7 +152,7 @@ fn small_changes(replay: &Replay) -> Vec<Finding> {
     let mut found = Vec::new();
     for (n, (own, (best, deviation))) in replay.learn.amplitudes.iter().zip(values).enumerate() {
         let (change, (_, unit, scale)) = (best - own.accepted, units(own.amplitude));
-        if change.abs() <= FAR_SD * deviation || replay.standing().iter().any(|(other, _)| *other == n) {
+        if change.abs() <= UNEXPECTED_SD * deviation || replay.standing().iter().any(|(other, _)| *other == n) {
             continue;
         }
         found.push(Finding::good(format!(
@@ -168,7 +168,7 @@ fn small_changes(replay: &Replay) -> Vec<Finding> {
 
 /// The limit that a value is held at, if it is: what may not change that way at all stands there where nothing is wrong.
 fn limit(own: &AmplitudeSettings, (best, deviation): (f64, f64)) -> Option<&'static str> {
-    let is_held = |limit: f64| (best - limit).abs() < (NEAR_SD * deviation).min((best - own.accepted).abs());
+    let is_held = |limit: f64| (best - limit).abs() < (AT_LIMIT_SD * deviation).min((best - own.accepted).abs());
     [("least", own.least), ("most", own.most)].into_iter().find_map(|(name, at)| is_held(at).then_some(name))
 }
 
@@ -222,7 +222,7 @@ fn differ(
     let drifted = own.drift_per_day.powi(2) * f64::from(until_s - from_s) / DAY_S / 3.0;
     let variance = of_fit.powi(2) + drifted - deviation.powi(2);
     let off = (best - fitted).abs();
-    is_steady && off > FAR_SD * variance.max(0.0).sqrt() && off > K95 * deviation
+    is_steady && off > UNEXPECTED_SD * variance.max(0.0).sqrt() && off > K95 * deviation
 }
 
 /// What to think of it, the verdict first.

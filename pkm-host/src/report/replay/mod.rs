@@ -25,7 +25,7 @@ const DAY_S: f64 = 86_400.0;
 /// Of all charts.
 const DAYS: &str = "days since the first reading";
 /// So many times the usual interval may be as wide as what a chart of values shows, or the first one would flatten the curve.
-const WIDEST: f64 = 3.0;
+const MAX_INTERVAL_RATIO: f64 = 3.0;
 
 /// As in `--json`.
 fn code(refusal: &Refusal) -> &'static str {
@@ -63,7 +63,7 @@ fn curves(replay: &Replay) -> Vec<Panel> {
         let (_, unit, scale) = units(own.amplitude);
         let best = curve(n, 0.0, scale);
         let mut widths: Vec<f64> = replay.steps.iter().map(|step| scale * K95 * step.values[n].1).collect();
-        let room = WIDEST * upper_median(&mut widths).unwrap_or(0.0);
+        let room = MAX_INTERVAL_RATIO * upper_median(&mut widths).unwrap_or(0.0);
         let reach = |sign: f64| best.iter().map(|(_, value)| sign * value).fold(f64::NEG_INFINITY, f64::max) + room;
         let (low, high) = (-reach(-1.0), reach(1.0));
         let edge = |k: f64| curve(n, k, scale).into_iter().map(move |(day, value)| (day, value.clamp(low, high)));

@@ -17,16 +17,16 @@ use crate::pose::{PoseBox, core_units};
 /// By how much less, squared, the correction has to vary, or to be, under another reading of the data for that to be said.
 const MIN_RATIO: f64 = 4.0;
 /// Poses that tell whether the data were meant in another way.
-const MOST_READ_OTHERWISE: usize = 50;
+const MAX_POSES_READ_OTHERWISE: usize = 50;
 /// How far from A the stiffness may have been taken.
-const MOST_OFFSET_MM: i32 = 1000;
+const MAX_OFFSET_MM: i32 = 1000;
 /// How far, in robust standard deviations of what the other poses leave, a pose is off that contradicts them. The farthest good pose of the
 /// fixtures is 9 off.
 const STRAY: f64 = 20.0;
 /// So far off, relatively, that it is worth a warning.
 const MIN_STRAY: f64 = 0.02;
 /// Poses that are named at the most.
-const MOST_STRAY: usize = 5;
+const MAX_STRAY: usize = 5;
 /// Least share of the errors that an expanded uncertainty of 95 % may hold before that is said, and of how many.
 const MIN_COVERED: f64 = 0.8;
 /// See `MIN_COVERED`.
@@ -90,7 +90,7 @@ impl Reading {
             let turned = Rotation3::from_axis_angle(&Vector3::z_axis(), f64::from(quarters) * FRAC_PI_2).into_inner();
             all.push(Self::of_stiffness(format!("the axes u and v turned by {name} about w"), move |_| turn(turned)));
         }
-        for mm in (-MOST_OFFSET_MM..=MOST_OFFSET_MM).step_by(10).filter(|mm| mm.abs() > 20) {
+        for mm in (-MAX_OFFSET_MM..=MAX_OFFSET_MM).step_by(10).filter(|mm| mm.abs() > 20) {
             let to_point = Vector3::new(0.0, 0.0, f64::from(mm) / 1e3);
             // the point moves by what A does and by what the platform turns
             let mut t = Matrix6::identity();
@@ -121,7 +121,7 @@ fn corrections(machine: &Machine<f64>, samples: impl Iterator<Item = Sample>) ->
 
 /// A warning where the data follow the machine much better if they are read in another way. Whole matrices alone tell.
 pub fn read_otherwise(machine: &Machine<f64>, samples: &[Sample], file: &str) -> Option<String> {
-    let some = some_of(samples, MOST_READ_OTHERWISE);
+    let some = some_of(samples, MAX_POSES_READ_OTHERWISE);
     let said = corrections(machine, some.iter().map(|s| (*s).clone()))?;
     let gain = |reading: Reading| {
         let found = reading.corrections(machine, &some)?;
@@ -146,7 +146,7 @@ pub fn stray_poses(samples: &[Sample], file: &str) -> Vec<String> {
     let mut kept: Vec<&Sample> = samples.iter().collect();
     let mut warnings = Vec::new();
     while let Some((at, what)) = farthest(&kept) {
-        if warnings.len() == MOST_STRAY {
+        if warnings.len() == MAX_STRAY {
             warnings.push(format!("{}: more poses contradict the others", printable(file)));
             break;
         }

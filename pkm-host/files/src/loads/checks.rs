@@ -40,7 +40,7 @@ impl Joint<'_> {
     }
 
     /// All that is doubtful.
-    pub fn doubts(&self, wrenches: &[[f64; 6]], flipped: &[usize], options: &Options) -> Vec<String> {
+    pub fn warnings(&self, wrenches: &[[f64; 6]], flipped: &[usize], options: &Options) -> Vec<String> {
         let log = self.log.cell.columns();
         let column = log.first().map_or("", |(name, _)| name);
         let mut all: Vec<String> = self.of_times(options);

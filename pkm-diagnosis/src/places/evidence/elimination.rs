@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::{Evidence, Linear, Set, ln_determinant};
 
 /// A set in the linear model, with its amplitudes eliminated beside the declared values.
-pub struct Settled {
+pub struct Eliminated {
     /// Wanted family, column, prior scale.
     columns: Vec<(usize, usize, f64)>,
     /// Of the Cholesky factorisation of what is known of the amplitudes, in units of their priors.
@@ -29,14 +29,14 @@ impl Linear {
     }
 
     /// Inner product of two columns at their scales, of what declared values leave of them.
-    fn beyond_declared(&self, s: &Settled, a: (usize, usize, f64), b: (usize, usize, f64)) -> f64 {
+    fn beyond_declared(&self, s: &Eliminated, a: (usize, usize, f64), b: (usize, usize, f64)) -> f64 {
         let p = &self.products[s.level];
         let taken = &p.taken[s.scatter].0;
         (self.product(p, (a.0, a.1), (b.0, b.1)) - taken.column(a.1).dot(&taken.column(b.1))) * a.2 * b.2
     }
 
     /// The same of a column and the readings.
-    fn slope_beyond_declared(&self, s: &Settled, (_, column, scale): (usize, usize, f64)) -> f64 {
+    fn slope_beyond_declared(&self, s: &Eliminated, (_, column, scale): (usize, usize, f64)) -> f64 {
         let (p, data) = (&self.products[s.level], self.starts[self.wanted.len()]);
         let taken = &p.taken[s.scatter].0;
         (p.with_held[(p.held.nrows() - 1, column)] - taken.column(column).dot(&taken.column(data))) * scale
@@ -47,12 +47,12 @@ impl Evidence<'_> {
     /// ln evidence of a set, with the priors of its members. The variance of the noise is known from so many degrees of
     /// freedom only, so that the readings are Student, not normal.
     pub fn ln_evidence(&self, l: &Linear, set: &Set) -> f64 {
-        let ln = |settled: Settled| self.ln_of(l, &settled, settled.ln_determinant, settled.rest);
-        self.settled(l, set).map_or(f64::NEG_INFINITY, ln)
+        let ln = |eliminated: Eliminated| self.ln_of(l, &eliminated, eliminated.ln_determinant, eliminated.rest);
+        self.eliminated(l, set).map_or(f64::NEG_INFINITY, ln)
     }
 
     /// The same from ln of the determinant of what is known of the amplitudes, and what they leave.
-    fn ln_of(&self, l: &Linear, s: &Settled, ln_determinant: f64, rest: f64) -> f64 {
+    fn ln_of(&self, l: &Linear, s: &Eliminated, ln_determinant: f64, rest: f64) -> f64 {
         let ln_declared = l.products[s.level].taken[s.scatter].1;
         -0.5 * (ln_determinant + ln_declared + self.misfit(rest.max(f64::MIN_POSITIVE))) + s.ln_prior
     }
@@ -73,10 +73,10 @@ impl Evidence<'_> {
     }
 
     /// A set with its amplitudes eliminated.
-    fn settled(&self, l: &Linear, set: &Set) -> Option<Settled> {
+    fn eliminated(&self, l: &Linear, set: &Set) -> Option<Eliminated> {
         let ln_prior =
             self.rules.ln_prior_of_scatter * set.scatter as f64 + self.rules.ln_prior_of_level * set.level as f64;
-        let mut settled = Settled {
+        let mut eliminated = Eliminated {
             columns: Self::columns(l, &set.members)?,
             lower: DMatrix::zeros(0, 0),
             slope: DVector::zeros(0),
@@ -86,60 +86,64 @@ impl Evidence<'_> {
             level: set.level,
             scatter: set.scatter,
         };
-        let n = settled.columns.len();
+        let n = eliminated.columns.len();
         let mut information = DMatrix::identity(n, n);
         for i in 0..n {
             for j in 0..=i {
-                information[(i, j)] += l.beyond_declared(&settled, settled.columns[i], settled.columns[j]);
+                information[(i, j)] += l.beyond_declared(&eliminated, eliminated.columns[i], eliminated.columns[j]);
                 information[(j, i)] = information[(i, j)];
             }
         }
-        let slope = DVector::from_fn(n, |i, _| l.slope_beyond_declared(&settled, settled.columns[i]));
+        let slope = DVector::from_fn(n, |i, _| l.slope_beyond_declared(&eliminated, eliminated.columns[i]));
         let chol = information.cholesky()?;
-        settled.ln_determinant = ln_determinant(&chol);
-        settled.lower = chol.l();
-        settled.slope = settled.lower.solve_lower_triangular(&slope)?;
-        settled.rest -= settled.slope.norm_squared();
-        Some(settled)
+        eliminated.ln_determinant = ln_determinant(&chol);
+        eliminated.lower = chol.l();
+        eliminated.slope = eliminated.lower.solve_lower_triangular(&slope)?;
+        eliminated.rest -= eliminated.slope.norm_squared();
+        Some(eliminated)
     }
 
     /// A set and one more member, at its best scale: the other amplitudes are eliminated once for all scales.
-    fn with_member(&self, l: &Linear, settled: &Settled, family: usize) -> Option<(f64, f64)> {
+    fn with_member(&self, l: &Linear, eliminated: &Eliminated, family: usize) -> Option<(f64, f64)> {
         let own = Self::columns(l, &[(family, 1.0)])?;
         let k = own.len();
-        let across =
-            DMatrix::from_fn(settled.columns.len(), k, |i, j| l.beyond_declared(settled, settled.columns[i], own[j]));
-        let across = settled.lower.solve_lower_triangular(&across)?;
+        let across = DMatrix::from_fn(eliminated.columns.len(), k, |i, j| {
+            l.beyond_declared(eliminated, eliminated.columns[i], own[j])
+        });
+        let across = eliminated.lower.solve_lower_triangular(&across)?;
         let mut left = -across.tr_mul(&across);
         for i in 0..k {
             for j in 0..=i {
-                left[(i, j)] += l.beyond_declared(settled, own[i], own[j]);
+                left[(i, j)] += l.beyond_declared(eliminated, own[i], own[j]);
                 left[(j, i)] = left[(i, j)];
             }
         }
         let slope =
-            DVector::from_fn(k, |i, _| l.slope_beyond_declared(settled, own[i])) - across.tr_mul(&settled.slope);
+            DVector::from_fn(k, |i, _| l.slope_beyond_declared(eliminated, own[i])) - across.tr_mul(&eliminated.slope);
         let at = |scale: f64| {
             let chol = (&left * (scale * scale) + DMatrix::identity(k, k)).cholesky()?;
             let step = chol.l_dirty().solve_lower_triangular(&(&slope * scale))?;
             let (ln_determinant, rest) =
-                (settled.ln_determinant + ln_determinant(&chol), settled.rest - step.norm_squared());
-            Some((self.ln_of(l, settled, ln_determinant, rest) + self.ln_prior(family), scale))
+                (eliminated.ln_determinant + ln_determinant(&chol), eliminated.rest - step.norm_squared());
+            Some((self.ln_of(l, eliminated, ln_determinant, rest) + self.ln_prior(family), scale))
         };
         self.rules.block_scales.iter().filter_map(|scale| at(*scale)).max_by(|a, b| a.0.total_cmp(&b.0))
     }
 
     /// A set without one of its members, for [`best_member`](Self::best_member): at every level.
-    pub fn without_member(&self, l: &Linear, rest: &Set) -> Vec<Option<Settled>> {
-        (0..self.whiteners.len()).into_par_iter().map(|level| self.settled(l, &Set { level, ..rest.clone() })).collect()
+    pub fn without_member(&self, l: &Linear, rest: &Set) -> Vec<Option<Eliminated>> {
+        (0..self.whiteners.len())
+            .into_par_iter()
+            .map(|level| self.eliminated(l, &Set { level, ..rest.clone() }))
+            .collect()
     }
 
     /// The best scale of a member beside others, and level: ln evidence, scale, level.
-    pub fn best_member(&self, l: &Linear, others: &[Option<Settled>], family: usize) -> (f64, f64, usize) {
+    pub fn best_member(&self, l: &Linear, others: &[Option<Eliminated>], family: usize) -> (f64, f64, usize) {
         // side by side, as a block with columns for each pose takes as long as all others together
-        let of = |settled: &Option<Settled>| {
-            let settled = settled.as_ref()?;
-            self.with_member(l, settled, family).map(|(ln, scale)| (ln, scale, settled.level))
+        let of = |eliminated: &Option<Eliminated>| {
+            let eliminated = eliminated.as_ref()?;
+            self.with_member(l, eliminated, family).map(|(ln, scale)| (ln, scale, eliminated.level))
         };
         let tried: Vec<(f64, f64, usize)> = others.par_iter().filter_map(of).collect();
         let none = (f64::NEG_INFINITY, self.rules.block_scales[0], 0);
@@ -252,8 +256,8 @@ mod tests {
         // the second member at each of the scales, by the dense covariance
         let at = |scale: f64| of_covariance(&data, &[(&declared, sd), (&a, 0.3), (&b, scale)]) + prior(&[0, 1]);
         let best = rules.block_scales.iter().map(|s| (at(*s), *s)).max_by(|x, y| x.0.total_cmp(&y.0)).unwrap();
-        let settled = evidence.settled(&linear, &alone).unwrap();
-        let (ln, scale) = evidence.with_member(&linear, &settled, 1).unwrap();
+        let eliminated = evidence.eliminated(&linear, &alone).unwrap();
+        let (ln, scale) = evidence.with_member(&linear, &eliminated, 1).unwrap();
         assert!((ln - best.0).abs() < 1e-9 && scale == best.1, "{ln} at {scale}, expected {best:?}");
         let both = evidence.ln_evidence(&linear, &alone.with(1, scale));
         assert!((both - ln).abs() < 1e-9, "{both} and {ln}");
