@@ -214,7 +214,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     session.warn(report::not_held(&track, request.file));
     session.warn(report::unsure(&track));
     session.warn(report::far_apart(&track));
-    let written = writer.finish(&notes(args, &model, &track, in_program, session));
+    let written = writer.finish(&notes(args, &model, &track, &path, session));
     let others = [&args.job, &args.tools, &args.limits].map(Option::as_deref);
     let inputs = [&[session.machine_path(), args.table.as_deref(), Some(args.path.as_path())], &others[..]].concat();
     let html = args.date.of(report::html(&track, &facts, &session.warnings, margin)?);
@@ -224,8 +224,12 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let [out, plot, page] = [&args.out, &svg, &folder.join(REPORT)].map(|path| path.display().to_string());
     let points = track.points;
     let reader = args.interpreter.as_ref().map_or(String::new(), |_| format!("read by {}\n", args.reader()));
+    let by_model = match &args.table {
+        Some(_) => "",
+        None => "no correction table (--table): by the machine file's model, and how far that is off is not known\n",
+    };
     let text = format!(
-        "{reader}wrote {points} points to {out} and their errors to {plot} and {page}\n{}",
+        "{reader}wrote {points} points to {out} and their errors to {plot} and {page}\n{by_model}{}",
         report::text(&track, margin)
     );
     let mut json = report::document(&track);
@@ -250,13 +254,19 @@ fn facts(args: &Args, model: &Model, path: &Source) -> Facts {
 }
 
 /// What stands at the head of the new path.
-fn notes(args: &Args, model: &Model, track: &Track, in_program: bool, session: &mut Session) -> Vec<String> {
+fn notes(args: &Args, model: &Model, track: &Track, path: &ToolPath, session: &mut Session) -> Vec<String> {
     if track.stretches.is_empty() {
         session.warn(["no load anywhere on the path: nothing to compensate".to_owned()]);
     }
     let mut notes = Vec::new();
-    if in_program {
+    if let ToolPath::Program(program) = path {
         notes.push(args.origin(model));
+        if program.deletable > 0 {
+            notes.push(format!(
+                "{MARK}: {} lines with / were carried out, and stand here without it",
+                program.deletable
+            ));
+        }
     }
     if track.extrapolated > 0 {
         let points = track.points;

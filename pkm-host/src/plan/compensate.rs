@@ -413,7 +413,10 @@ impl Walk<'_> {
                 point.is_begin = true;
             }
             self.ended = wrench;
-            self.track.step(PathPlace { tip_m: asked.tip_m, before_m, is_fresh: before.is_none() }, ends);
+            // what is not written under load is not computed either: nothing is known of its error
+            let is_drawn = wrench == Wrench::ZERO || before_m.is_some();
+            let place = PathPlace { tip_m: asked.tip_m, before_m, is_fresh: before.is_none() };
+            self.track.step(is_drawn.then_some(place), ends);
             let [done, all] = self.track.steps;
             progress("points", done.min(all), all);
         }

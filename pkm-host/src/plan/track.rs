@@ -287,9 +287,11 @@ impl Track {
         }
     }
 
-    /// A place that the path comes to, after each step.
-    pub(super) fn step(&mut self, place: PathPlace, ends: bool) {
+    /// A place that the path comes to, after each step, if it is one to be drawn.
+    pub(super) fn step(&mut self, place: Option<PathPlace>, ends: bool) {
         let [done, all] = self.steps;
+        self.steps[0] += 1;
+        let Some(place) = place else { return };
         // corners too, as long as there are not too many
         let every = all.div_ceil(PLACES);
         if done.is_multiple_of(every)
@@ -298,7 +300,6 @@ impl Track {
         {
             self.places.push(place);
         }
-        self.steps[0] += 1;
     }
 
     pub(super) fn finish(&mut self) {

@@ -175,9 +175,17 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
         return vec![Finding::warning("No load acts anywhere on the path: nothing was compensated.")];
     }
     let [before, after] = [&track.before[0], &track.after[0]].map(|t| t.max * 1e6);
-    let mut all = vec![Finding::good(format!(
-        "The load takes the tip {before:.1} µm from its path at most; with the new commands {after:.4} µm are left."
-    ))];
+    let text = format!(
+        "The load takes the tip {before:.1} µm from its path at most; with the new commands {after:.4} µm are left"
+    );
+    let mut all = vec![match (track.load_off.count > 0, track.u95.count > 0) {
+        (true, _) => Finding::good(format!(
+            "{text} of the stated load, and up to {:.2} µm if that is off by its uncertainty.",
+            track.load_off.max * 1e6
+        )),
+        (false, true) => Finding::good(format!("{text}.")),
+        (false, false) => Finding::warning(format!("{text} by this model, and nothing says how far that is off.")),
+    }];
     // what is more is among the warnings
     if track.halfway.count > 0 && far_apart(track).is_none() {
         let most_um = track.halfway.max * 1e6;
@@ -191,12 +199,6 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
             track.extrapolated
         );
         all.insert(0, Finding::bad(text));
-    }
-    if track.load_off.count > 0 {
-        all.push(Finding::good(format!(
-            "If the load is off by its stated uncertainty, up to {:.2} µm are left.",
-            track.load_off.max * 1e6
-        )));
     }
     all.extend(known(track));
     let [least, limit] = [track.least_share(), limit].map(|share| 100.0 * share);
@@ -291,7 +293,7 @@ pub fn html(track: &Track, facts: &[(&str, String)], warnings: &[String], limit:
     let body = html! {
         @if !track.stretches.is_empty() {
             h2 { "Error of the tip" }
-            (page::picture("The path of the tip in B, coloured by how far the load takes the tip from it; grey: no load.", &path3d::svg(&track.places, track.worst.first())))
+            (page::picture("The path of the tip in B, coloured by how far the load takes the tip from it; grey: no load. A long path is drawn through some of its points.", &path3d::svg(&track.places, track.worst.first())))
             (page::charts("How far the load takes the tip from its path, and where, in the axes of B. Of each stretch the greatest.", &panels)?)
             h2 { "Lines" }
             (page::table(

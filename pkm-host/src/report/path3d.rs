@@ -8,6 +8,8 @@ use crate::plan::track::{LineErrors, PathPlace};
 const SIZE: [f64; 2] = [900.0, 560.0];
 const BORDER: f64 = 40.0;
 const LEGEND: f64 = 90.0;
+/// Room for the name of a line.
+const NAME: f64 = 100.0;
 /// From no error to the greatest.
 const COLOURS: [&str; 6] = ["#fdae6b", "#fd8d3c", "#f16913", "#d94801", "#a63603", "#5f1c02"];
 
@@ -60,8 +62,9 @@ pub(super) fn svg(places: &[PathPlace], worst: Option<&LineErrors>) -> String {
     s.push_str("</g>\n");
     if let Some(line) = worst.filter(|_| last.is_some()) {
         let [x, y] = at(line.worst.tip_m);
-        // its name away from the path
-        let (side, anchor) = if x > SIZE[0] / 2.0 { (10.0, "start") } else { (-10.0, "end") };
+        // its name away from the path, but within the picture
+        let is_right = (x > SIZE[0] / 2.0 || x < NAME) && x < SIZE[0] - NAME;
+        let (side, anchor) = if is_right { (10.0, "start") } else { (-10.0, "end") };
         _ = writeln!(
             s,
             "<circle cx=\"{x:.1}\" cy=\"{y:.1}\" r=\"6\" fill=\"none\" stroke=\"#000000\" stroke-width=\"1.5\"/><text x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">line {}</text>",

@@ -222,10 +222,18 @@ fn block_delete_leaves_lines_out_or_makes_them() {
     let path = folder.write("p.ngc", "G21 G90\nG0 X-205 Y0 Z1130 A0 B0\n/G1 X-200 F100\n/2 M8\nG1 Y1\nM30\n");
     let out = folder.path("out.ngc");
     let args = ["compensate", "--path", &path, "--wrench", WRENCH, "--out", &out];
-    json(&args);
+    let said = json(&args)["warnings"].to_string();
+    assert!(
+        said.contains("p.ngc:3: begins with `/` (first of 2 such lines): carried out, and written without it"),
+        "{said}"
+    );
     let made = folder.read("out.ngc");
-    assert!(made.contains("\nG1 F100 X") && made.contains("\nM8\n") && !made.contains('/'), "{made}");
-    json(&[&args[..], &["--block-delete"]].concat());
+    let (head, lines) = made.split_once("\nG21").unwrap();
+    assert!(head.ends_with("2 lines with / were carried out, and stand here without it)"), "{made}");
+    assert!(lines.contains("\nG1 F100 X") && lines.contains("\nM8\n") && !lines.contains('/'), "{made}");
+    let left_out = json(&[&args[..], &["--block-delete"]].concat());
+    // the cut that is left has no F then
+    assert!(left_out["warnings"].to_string().contains("p.ngc:5: a cut without F in force"), "{left_out}");
     let left = folder.read("out.ngc");
     assert!(!left.contains("F100") && !left.contains("M8"), "{left}");
 }

@@ -91,6 +91,14 @@ fn given(comment: &str) -> Result<Option<Wrench<f64>>, Refusal> {
     Ok(Some(Wrench::from_vector(wrench.into())))
 }
 
+/// Whether a comment looks like a force and is none as [`given`] reads it: `(F100 -50 -200)`, `(F=10,0,-20)`, `(F 10 0 -20 N)`.
+pub(super) fn is_nearly_load(comment: &str) -> bool {
+    let Some(rest) = inner(comment).strip_prefix(['F', 'f']) else { return false };
+    let separators = |c: char| c.is_whitespace() || ",;=:".contains(c);
+    let numbers = rest.split(separators).filter(|word| word.parse::<f64>().is_ok()).count();
+    numbers > 1 && given(comment).is_ok_and(|load| load.is_none())
+}
+
 impl Loads {
     pub fn new(given: Option<Wrench<f64>>) -> Self {
         Self {

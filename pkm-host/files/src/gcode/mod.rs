@@ -12,6 +12,7 @@
 //! one it is estimated, where the tool table has the tool's edges and a material.
 
 mod arcs;
+mod assumptions;
 mod canonical;
 mod codes;
 mod cycles;
@@ -34,6 +35,7 @@ use std::path::Path;
 
 use pkm_core::Wrench;
 
+use self::assumptions::Assumptions;
 use self::expressions::{expand, has_expressions};
 use self::flow::{Flow, Order};
 use self::lengths::Lengths;
@@ -121,6 +123,8 @@ pub struct Program {
     pub moves: Vec<Move>,
     /// Names the lines that may not mean what they say.
     pub warnings: Vec<String>,
+    /// How many lines with `/` were carried out.
+    pub deletable: usize,
 }
 
 /// A line that was carried out.
@@ -158,6 +162,7 @@ struct Reader<'a> {
     program: Program,
     loads: Loads,
     lengths: Lengths,
+    assumptions: Assumptions,
     /// The first line that was passed on unchecked, why, and how many are.
     unchecked: Option<(u64, String, usize)>,
     /// Lines behind a `%` in the middle.
@@ -210,6 +215,7 @@ impl Program {
             head: setup.head,
             moves: Vec::new(),
             warnings: Vec::new(),
+            deletable: 0,
         };
         let failed =
             |(index, message): (usize, String)| Failure::input(message).in_file(&source.name).at_line(number(index));
@@ -219,6 +225,7 @@ impl Program {
             program,
             loads: Loads::new(wrench),
             lengths: Lengths::default(),
+            assumptions: Assumptions::default(),
             unchecked: None,
             unread: 0,
         };
@@ -264,6 +271,9 @@ impl Reader<'_> {
             if has_expressions(&code) && !code.starts_with(['O', 'o']) {
                 if self.flow.leaves_out(deletable, self.modal.setup.block_delete) {
                     return Ok(());
+                }
+                if deletable {
+                    self.assumptions.keep_deletable(number);
                 }
                 let words = expand(&code, &mut self.flow.parameters)?;
                 self.put(place, Content::Note);
@@ -313,6 +323,7 @@ impl Reader<'_> {
             }
             Order::Do => {}
         }
+        self.assumptions.take(number, line);
         self.loads.take(line, number, self.modal.setup)?;
         (self.modal.tool, self.modal.line) = (self.loads.tool(), number);
         if let Some(word) = line.words.iter().find(|w| w.is('M', &[72.0, 73.0, 97.0, 198.0])) {
@@ -331,8 +342,12 @@ impl Reader<'_> {
             }
             Effect::Moves { form, fresh } => {
                 self.flow.moves();
+                let has_cuts = stops.iter().any(|stop| !stop.rapid);
+                if has_cuts {
+                    self.assumptions.cuts(number, &self.modal);
+                }
                 // coordinates of the machine are those without a tool's length
-                if stops.iter().any(|stop| !stop.rapid) && !line.words.iter().any(|w| w.is('G', &[53.0])) {
+                if has_cuts && !line.words.iter().any(|w| w.is('G', &[53.0])) {
                     self.check_length(number);
                 }
                 for (n, stop) in stops.iter().enumerate() {
@@ -460,8 +475,13 @@ impl Reader<'_> {
             let warning = format!("{}:{line}: the {lines} behind % {are} not read", printable(name));
             self.program.warnings.push(warning);
         }
-        // what is only played has a load that nobody gave
-        let has_cuts = self.program.moves.iter().any(|m| !m.is_rapid) && !self.modal.setup.is_only_played;
+        // what is only played has a load that nobody gave, and goes to no control
+        let is_only_played = self.modal.setup.is_only_played;
+        if !is_only_played {
+            self.program.warnings.extend(self.assumptions.warnings(name));
+        }
+        self.program.deletable = self.assumptions.deletable();
+        let has_cuts = self.program.moves.iter().any(|m| !m.is_rapid) && !is_only_played;
         if self.loads.is_option_idle && has_cuts {
             let warning = format!("{}: --wrench acts on no cut: the program sets the load of each", printable(name));
             self.program.warnings.push(warning);

@@ -209,10 +209,11 @@ impl<'a> Modal<'a> {
         if self.feed_mode == FeedMode::InverseTime && feed == Some(0.0) {
             return Err("F0 in G93: a move would take for ever".into());
         }
-        if let Some(feed) = feed.filter(|feed| *feed > 0.0) {
+        if let Some(feed) = feed {
+            let feed = (feed > 0.0).then_some([feed * self.unit_mm, feed]);
             match self.feed_mode {
-                FeedMode::OfAMinute => self.feed_per_min = Some([feed * self.unit_mm, feed]),
-                FeedMode::OfATurn => self.feed_per_turn = Some([feed * self.unit_mm, feed]),
+                FeedMode::OfAMinute => self.feed_per_min = feed,
+                FeedMode::OfATurn => self.feed_per_turn = feed,
                 FeedMode::InverseTime => {}
             }
         }
@@ -300,8 +301,14 @@ impl<'a> Modal<'a> {
                 if seconds.is_some_and(|p| p < 0.0) {
                     return Err("G4: a dwell is not below 0".into());
                 }
-                if seconds.is_none() && numbers.take('X').is_none() {
-                    numbers.take('U');
+                if seconds.is_none()
+                    && numbers.take('X').is_none()
+                    && numbers.take('U').is_none()
+                    && (line.has('F') || line.has('S'))
+                {
+                    return Err("G4 with F or S alone is a dwell in Siemens' own mode, and a feed or a speed elsewhere: write G4 P (or X), and F \
+                                and S in another line"
+                        .into());
                 }
                 if numbers.has_any("XYZIJKABC") {
                     return Err("G4 with a move in one line".into());

@@ -186,6 +186,11 @@ impl Modal<'_> {
         if !(repeats.fract() == 0.0 && (0.0..=1e4).contains(&repeats)) {
             return Err(format!("{drill:?}: expected a whole number of repeats, found {repeats}"));
         }
+        if repeats == 0.0 {
+            return Err(format!(
+                "{drill:?} with no repeats (L0, K0): controls differ in whether the tool goes there; leave the line out, or write G0"
+            ));
+        }
         let origin_mm = self.offsets.total_mm();
         let mut at_mm = start.tip_m.map(|m| m * 1e3);
         let initial_mm = *self.initial_mm.get_or_insert(at_mm[along]);
@@ -205,7 +210,7 @@ impl Modal<'_> {
             let place = Place { tip_m: at_mm.map(|v| v / 1e3), toward };
             stops.push(Stop { place, rapid, continues: false });
         };
-        if repeats > 0.0 && hole.is_below_r(at_mm[along]) {
+        if hole.is_below_r(at_mm[along]) {
             at_mm[along] = r_mm;
             go(at_mm, start.toward, true);
         }
@@ -234,8 +239,7 @@ impl Modal<'_> {
             }
             before = toward;
         }
-        let turn_deg = if repeats > 0.0 { target.turn_deg } else { self.turn_deg };
-        self.reach(Target { tip_mm: at_mm.map(Some), turn_deg, ..target });
+        self.reach(Target { tip_mm: at_mm.map(Some), ..target });
         self.last = Some(Place { tip_m: at_mm.map(|v| v / 1e3), toward: before });
         let dwell = words.p.filter(|_| drill == Drill::G82);
         Ok(Effect::Moves { form: Form::Drill { dwell }, fresh: false })
