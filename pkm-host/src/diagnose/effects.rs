@@ -197,15 +197,15 @@ pub fn effects(model: &Model, search: &Search, sites: &[Site]) -> Vec<Effect> {
     effects
 }
 
-/// Sets of findings as `place: law`; sets of equal places and laws are one.
+/// Sets of findings as `place: law`, each once; sets of equal places and laws are one.
 pub fn alternatives(world: &World, inferred: &Inferred) -> Vec<(Vec<String>, f64)> {
     let mut all: Vec<(Vec<String>, f64)> = Vec::new();
     for (blocks, probability) in &inferred.alternatives {
-        let name = |b: &usize| {
-            let block = world.block(*b);
-            format!("{}: {}", block.places.first().map_or(NOWHERE, String::as_str), block.law)
-        };
-        let names: Vec<String> = blocks.iter().map(name).collect();
+        let names = blocks.iter().map(|b| world.block(*b));
+        let names = names.map(|block| Some(format!("{}: {}", block.places.first()?, block.law)));
+        // what goes with no place is none of these
+        let Some(mut names) = names.collect::<Option<Vec<String>>>() else { continue };
+        names.dedup();
         match all.iter_mut().find(|a| a.0 == names) {
             Some(there) => there.1 += probability,
             None => all.push((names, *probability)),
