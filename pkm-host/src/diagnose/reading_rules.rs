@@ -72,6 +72,10 @@ pub const MAX_SHARE_OF_ROWS: f64 = 0.05;
 pub const MIN_SUSPECT_RATIO: f64 = 5.0;
 /// Least number of readings of a repeat of a pose that may have been taken otherwise: fewer fit too much.
 pub const MIN_READINGS_OF_REPEAT: usize = 6;
+/// Most poses that stand out beside which one number of a pose may be mistyped: where more do, it is not people.
+pub const MAX_MISTYPED_POSES: usize = 3;
+/// Share of what the best known way to take a pose leaves, below which another number in it is likelier: that number is fitted.
+pub const MAX_SHARE_OF_KNOWN_WAY: f64 = 0.5;
 /// Ratio of what two ways to take the readings leave up to which both are named.
 pub const MAX_ALIKE_RATIO: f64 = 1.1;
 /// What may be left with a lever, in noise variances a number: three free numbers mend some of what a machine's parts do as well.

@@ -1,13 +1,16 @@
 //! Poses whose readings were taken otherwise than those of all others: in other units, with another sign, at another pose.
 
+use std::f64::consts::PI;
+
 use nalgebra::{DMatrix, DVector, Vector3};
+use pkm_core::Pose;
 use pkm_diagnosis::robust::median;
 use pkm_diagnosis::{Noise, Problem, Rules, Whitener};
 use rayon::prelude::*;
 
 use super::experiment::{self, Experiment};
 use super::model::Model;
-use super::reading_rules::{MIN_READINGS_OF_REPEAT, MIN_SUSPECT_RATIO};
+use super::reading_rules::{MAX_MISTYPED_POSES, MAX_SHARE_OF_KNOWN_WAY, MIN_READINGS_OF_REPEAT, MIN_SUSPECT_RATIO};
 use super::warning::{Warning, WarningKind};
 use super::ways;
 use crate::files::readings::{CHANNELS, Reading, Readings};
@@ -177,11 +180,49 @@ impl<'a> ByPose<'a> {
         let most = self.rules.max_pose_share * (said * usual).sqrt();
         // no way leaves less than noise: readings in mm seem to be of no load
         let from_usual = |rest: f64| (rest.max(f64::MIN_POSITIVE) / usual).ln().abs();
-        (ways::of_pose(&own, &others, tip_m).into_iter())
+        let known = (ways::of_pose(&own, &others, tip_m).into_iter())
             .filter_map(|way| Some((way.how, left(&(way.taken)()?)?)))
-            .filter(|(_, rest)| *rest < most)
-            .min_by(|a, b| from_usual(a.1).total_cmp(&from_usual(b.1)))
+            .min_by(|a, b| from_usual(a.1).total_cmp(&from_usual(b.1)));
+        let is_better = |rest: f64| known.as_ref().is_none_or(|known| rest < MAX_SHARE_OF_KNOWN_WAY * known.1);
+        let may_be_mistyped = beyond.len() <= MAX_MISTYPED_POSES && own.readings.len() >= MIN_READINGS_OF_REPEAT;
+        let mistyped = may_be_mistyped.then(|| mistyped(&own, left)).flatten();
+        mistyped.filter(|(_, rest)| is_better(*rest)).or(known).filter(|(_, rest)| *rest < most)
     }
+}
+
+/// A coordinate of a pose, as a file has it: name, unit, how far from it another is looked for, and what moves it.
+type Coordinate = (&'static str, &'static str, f64, fn(&mut Pose<f64>) -> (&mut f64, f64));
+
+const COORDINATES: [Coordinate; 3] = [
+    ("theta", "deg", 20.0, |pose| (&mut pose.theta_rad, 180.0 / PI)),
+    ("sigma", "deg", 20.0, |pose| (&mut pose.sigma_rad, 180.0 / PI)),
+    ("z0", "mm", 150.0, |pose| (&mut pose.z0_m, 1e3)),
+];
+
+/// The one number of a pose with another value, by which its readings fit best, and what they leave then.
+fn mistyped(own: &Readings, left: impl Fn(&Readings) -> Option<f64> + Sync) -> Option<(String, f64)> {
+    let best = |(name, unit, range, of): Coordinate| {
+        let at = |moved: f64| {
+            let mut taken = own.clone();
+            let (value, per_unit) = of(&mut taken.poses[0].pose);
+            *value += moved / per_unit;
+            let value = *value * per_unit;
+            Some((value, left(&taken)?))
+        };
+        let (said, _) = at(0.0)?;
+        let (mut middle, mut half) = (0.0, range);
+        let mut best = None;
+        // each round between the neighbours of the best of nine
+        for _ in 0..5 {
+            let tried = (-4..=4).map(|k| middle + 0.25 * half * f64::from(k));
+            let (moved, found) =
+                tried.filter_map(|moved| Some((moved, at(moved)?))).min_by(|a, b| a.1.1.total_cmp(&b.1.1))?;
+            (middle, half, best) = (moved, 0.25 * half, Some(found));
+        }
+        let (value, rest) = best?;
+        Some((format!("with {name} at {value:.1} {unit}, not {said:.1}"), rest))
+    };
+    COORDINATES.into_par_iter().filter_map(best).min_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// Single poses that the declared machine fits much worse than the others, and as well when they are taken otherwise; where there are

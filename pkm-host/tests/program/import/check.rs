@@ -139,6 +139,8 @@ const DOUBTFUL: &[Case] = &[
     ("a pose in mm", |t| pose(t, &TRANSLATIONS, |c| scaled(c, 1e-3)), "pose_taken_otherwise", 62, "", "with translations in mm", 1),
     ("a pose under forces in kgf", |t| pose(t, &LOADS[..3], |c| scaled(c, 1.0 / 9.806_65)), "pose_taken_otherwise", 62, "", "with forces in kgf or daN", 1),
     ("a pose without its loads", |t| pose(t, &DEFLECTIONS, |c| scaled(c, 1e-3)), "pose_taken_otherwise", 62, "", "as if no load had been put on", 1),
+    ("a pose with its theta mistyped", |t| pose(t, &["theta_deg"], |c| (c.parse::<f64>().unwrap() + 6.0).to_string()), "pose_taken_otherwise", 62, "", "pose p02 (line 62)|with theta at -13.7 deg, not -7.7", 1),
+    ("a pose with its z0 mistyped", |t| pose(t, &["z0_mm"], |c| (c.parse::<f64>().unwrap() + 20.0).to_string()), "pose_taken_otherwise", 62, "", "pose p02 (line 62)|with z0 at 51|mm, not 532.0", 1),
     ("two poses exchanged", |mut t| { let n = t.column("dx_um"); for row in 0..60 { let [a, b] = t.rows.get_disjoint_mut([row, row + 60]).unwrap(); a[n..n + 6].swap_with_slice(&mut b[n..n + 6]) } t }, "pose_taken_otherwise", 2, "", "pose p01 (line 2)|as those of pose p02 (line 62)", 2),
     ("two poses exchanged in one of their repeats", repeat_exchanged, "pose_taken_otherwise", 7, "", "pose p01 (line 7), one repeat of it,|as those of pose p02 (line 67)", 2),
     ("a pose with two columns exchanged", |t| pose_exchanged(t, ["dx_um", "dy_um"]), "pose_taken_otherwise", 62, "", "with dx, dy, dz along v, u, w, rotations as they are", 1),
