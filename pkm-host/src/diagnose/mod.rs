@@ -32,6 +32,7 @@ mod prepared;
 pub mod quality;
 mod reading_rules;
 mod readings_table;
+mod repeats;
 pub mod report;
 mod residual_plots;
 mod residual_table;

@@ -7,7 +7,7 @@ use pkm_diagnosis::{Noise, Observations, Problem, Rules, UnknownNoise, Whitener}
 use super::experiment::{Experiment, observations};
 use super::model::Model;
 use super::warning::{Warning, WarningKind};
-use super::{checks, within_series};
+use super::{checks, repeats, within_series};
 use crate::error::{Failure, Result};
 use crate::files::dataset::READ_COLUMNS;
 use crate::files::readings::{CHANNELS, KINDS, Readings};
@@ -56,11 +56,13 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// What a sensor spoils while a series is read.
+    /// What a sensor spoils while a series is read, and repeats of another scale.
     pub fn within_series(&self) -> impl Iterator<Item = Warning> {
+        let of_scale = repeats::of_other_scale(&self.readings);
         let stuck = within_series::of_stuck(&self.readings, &Experiment::new(self.model, &self.readings));
         // what sticks differs from its repeats as a drift does
-        stuck.or_else(|| within_series::of_drift(&self.readings, &self.read, self.rules)).into_iter()
+        let spoiled = stuck.or_else(|| within_series::of_drift(&self.readings, &self.read, self.rules));
+        spoiled.into_iter().chain(of_scale)
     }
 
     /// What says that the readings are in another frame, point, unit or sign than the file says, if something does; see

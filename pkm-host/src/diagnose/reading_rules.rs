@@ -28,6 +28,14 @@ pub const MAX_SHARE_OF_DECLARED_VARIANCE: f64 = 2.0;
 /// From how many numbers on: of 60, so little is no chance.
 pub const MIN_NUMBERS_OF_DECLARED_NOISE: usize = 60;
 
+// repeats
+
+/// Share by which repeats read more than the first readings, and its standard deviations, from which on that is said.
+pub const MIN_SCALE_OF_REPEATS: f64 = 0.005;
+pub const MIN_SCALE_SD: f64 = 8.0;
+/// From how many poses that share is known.
+pub const MIN_POSES_OF_SCALE: usize = 4;
+
 // series
 
 /// Warmth of the machine within a series, K, from which on it grows by more than a sensor drifts.

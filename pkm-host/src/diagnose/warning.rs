@@ -54,6 +54,8 @@ pub enum WarningKind {
     FewRepeats,
     /// Repeats that differ by far more than the others.
     RepeatsDiffer,
+    /// Repeats that all differ from the first readings in the same proportion.
+    RepeatsOfOtherScale,
     /// Zeros that drift while a series is read.
     DriftWithinSeries,
     /// Values that stay the same while the load changes.
