@@ -3,6 +3,8 @@
 use std::f64::consts::PI;
 use std::sync::Arc;
 
+use pkm_core::Pose;
+
 use super::Blocks;
 use super::elastic::{M8, Solved};
 use super::terms::{Lag, Seen, Term};
@@ -12,7 +14,10 @@ use crate::pose::ROTATION_ARM_M;
 /// ln prior of what needs an oddity of one campaign: drift, one pose, a matrix of cross-talk.
 pub const LN_PRIOR_OF_ODDITIES: f64 = -4.0;
 /// Unit of relative errors of sensors and loads.
-const RELATIVE: f64 = 0.03;
+pub const RELATIVE: f64 = 0.03;
+/// Units of how far a machine stands beside its pose.
+const BESIDE_RAD: f64 = 0.01;
+const BESIDE_M: f64 = 0.005;
 
 fn size(component: usize) -> f64 {
     if component < 3 { 1.0 } else { 1.0 / ROTATION_ARM_M }
@@ -38,13 +43,15 @@ pub fn add(blocks: &mut Blocks<'_>, solved: &[Solved]) {
     not_linear(blocks);
     lagging(blocks);
     by_time(blocks, solved);
+    let beside = beside_the_pose(blocks);
+    blocks.add_with(&["geometry".into()], "general", "constant", beside, 0, LN_PRIOR_OF_ODDITIES);
     if blocks.looks_at_single_poses() {
         by_pose(blocks);
     }
 }
 
 /// A channel reads part of another.
-fn cross_talk((i, j): (usize, usize)) -> Term {
+pub fn cross_talk((i, j): (usize, usize)) -> Term {
     let unit = RELATIVE * size(i) / size(j);
     Term::Direct(Arc::new(move |s: &Seen<'_>| {
         let mut d = [0.0; 6];
@@ -54,7 +61,7 @@ fn cross_talk((i, j): (usize, usize)) -> Term {
 }
 
 /// A component of the load acts in another, with its sign or without.
-fn wrong_load((i, j): (usize, usize), even: bool) -> Term {
+pub fn wrong_load((i, j): (usize, usize), even: bool) -> Term {
     let unit = RELATIVE * size(j) / size(i);
     Term::Direct(Arc::new(move |s: &Seen<'_>| {
         let w = if even { s.wrench[j].abs() } else { s.wrench[j] };
@@ -172,6 +179,29 @@ fn by_time(blocks: &mut Blocks<'_>, solved: &[Solved]) {
         let places = [super::limbs::part(limb, "body"), "time".into()];
         blocks.add_with(&places, "axial", "time", terms, 0, LN_PRIOR_OF_ODDITIES);
     }
+}
+
+/// A machine that stands beside the pose that the file has, everywhere by the same θ, σ or Z0: drives that were homed elsewhere, or an
+/// angle and a height that were read from another zero.
+pub fn beside_the_pose(blocks: &Blocks<'_>) -> Vec<Term> {
+    let poses = || blocks.readings.poses.iter().map(|p| p.pose);
+    let conditions = &blocks.readings.conditions;
+    let moves: [fn(&mut Pose<f64>, f64); 3] = [
+        |pose, unit| pose.theta_rad += unit * BESIDE_RAD,
+        |pose, unit| pose.sigma_rad += unit * BESIDE_RAD,
+        |pose, unit| pose.z0_m += unit * BESIDE_M,
+    ];
+    let of = |moved: fn(&mut Pose<f64>, f64)| {
+        let at = |unit: f64| {
+            let mut poses: Vec<Pose<f64>> = poses().collect();
+            poses.iter_mut().for_each(|pose| moved(pose, unit));
+            blocks.model.predict(&poses, conditions, &[], &[])
+        };
+        let (more, less) = (at(0.5)?, at(-0.5)?);
+        let of = |e: &pkm_diagnosis::Entry| more[e.condition][e.channel] - less[e.condition][e.channel];
+        Some(Term::Entry(Arc::new(blocks.problem.whitener.entries.iter().map(of).collect())))
+    };
+    moves.into_iter().filter_map(of).collect()
 }
 
 /// An offset of each channel at each pose.
