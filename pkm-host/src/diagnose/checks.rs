@@ -4,6 +4,7 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{DVector, Matrix3, Vector3};
+use pkm_diagnosis::places::Inferred;
 use pkm_diagnosis::residuals::{Outlier, Structure};
 use pkm_diagnosis::verdict::Judgement;
 use pkm_diagnosis::{Fit, Problem, Rules, Whitener};
@@ -13,6 +14,7 @@ use serde::Serialize;
 use super::experiment::{self, Experiment};
 use super::findings::DeclaredFinding;
 use super::model::Model;
+use super::places::World;
 use super::reading_rules::{MAX_ALIKE_RATIO, MAX_LEFT_WITH_LEVER, MAX_LEVER_M, MIN_LEVER_M};
 use super::warning::{Warning, WarningKind};
 use super::ways::{self, other_ways};
@@ -206,6 +208,18 @@ pub fn of_result(
         ));
     }
     warnings
+}
+
+/// Of what was found from one pose on, and not before.
+pub fn of_change(world: &World, inferred: &Inferred, readings: &Readings) -> Option<Warning> {
+    let from = inferred.findings.iter().find_map(|f| world.since(f.block))?;
+    let line = readings.readings.iter().find(|r| readings.conditions[r.condition].pose == from)?.line;
+    let message = format!(
+        "from {} on the readings are those of another sensor, load, pose or machine than before, once and for all: was something set up \
+         anew, exchanged or loosened there? Diagnose the poses before and from there on apart",
+        readings.poses[from].name()
+    );
+    Some(Warning { lines: vec![line], ..Warning::new(WarningKind::ChangeBetweenPoses, message) })
 }
 
 /// Outliers as the file has them, left out or not; `expected` is by condition.

@@ -325,7 +325,9 @@ impl Searched<'_> {
         step(5, "report");
         let declared = findings::declared_findings(problem, model, &search);
         warnings.extend(checks_of_noise::of_declared(&judgement.after, problem.numbers()));
-        warnings.extend(checks::of_result(&judgement, &declared, &structure, rules).into_iter().chain(contradiction));
+        let of_change = inferred.and_then(|(world, inferred)| checks::of_change(world, inferred, readings));
+        let of_result = checks::of_result(&judgement, &declared, &structure, rules);
+        warnings.extend(of_result.into_iter().chain(contradiction).chain(of_change));
         Ok(Diagnosis {
             warnings,
             suspects,

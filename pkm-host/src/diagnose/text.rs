@@ -36,7 +36,7 @@ pub fn error_of(place: &str, law: &str) -> String {
         _ if place == "time" => "readings as time goes (a drift)".to_owned(),
         "direction" => format!("{place}, by direction (it lags behind, as a gauge with friction in its stem does)"),
         "pose" => format!("{place}, anew at each pose (a zero that was lost, a clamp or reflector that moved)"),
-        "time" => format!("{place}, with time (a drift)"),
+        "time" => format!("{place}, with time (a drift, or a change at one of the poses)"),
         _ => format!("{place}, law: {law}"),
     }
 }

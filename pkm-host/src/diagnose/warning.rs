@@ -60,6 +60,8 @@ pub enum WarningKind {
     DriftWithinSeries,
     /// Values that stay the same while the load changes.
     StuckReadings,
+    /// Something that was found began at one of the poses.
+    ChangeBetweenPoses,
     /// Rows that stand in the file twice.
     DuplicateRow,
     /// A number that no noise explains.

@@ -2,6 +2,7 @@
 
 mod bad_input;
 mod calculix;
+mod changes;
 mod cli;
 mod common;
 mod cutting;

@@ -12,6 +12,7 @@ mod measurement;
 mod named;
 mod platforms;
 pub mod sites;
+mod steps;
 mod terms;
 mod ties;
 mod turned;

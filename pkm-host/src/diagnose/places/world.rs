@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use super::coupled::Written;
 use super::elastic::{self, Frame, M6, M8, Solved, V8};
+use super::steps::{self, Step};
 use super::terms::{Seen, Term};
 use super::{Blocks, Says, limbs, measurement, named, platforms, ties, turned};
 use crate::diagnose::declared::Declared;
@@ -29,6 +30,7 @@ pub struct World {
     blocks: Vec<Block>,
     terms: Vec<Vec<Term>>,
     written: Vec<Option<Says>>,
+    step: Option<Step>,
 }
 
 /// A world under the conditions of readings.
@@ -69,8 +71,8 @@ impl World {
             .collect();
         let uncertainty = stiffnesses.iter().map(|d| d.uncertainty(&model.uncertainty)).collect();
         let offset = vec![[0.0; 6]; wrenches.len()];
-        let mut this =
-            Self { frames, uncertainty, wrenches, offset, blocks: Vec::new(), terms: Vec::new(), written: Vec::new() };
+        let (blocks, terms, written, step) = (Vec::new(), Vec::new(), Vec::new(), None);
+        let mut this = Self { frames, uncertainty, wrenches, offset, blocks, terms, written, step };
         let declared = State { declared: vec![0.0; stiffnesses.len()], blocks: Vec::new() };
         let solved = this.solve(&declared)?;
         let elastic = this.displacements(readings, &solved);
@@ -91,8 +93,9 @@ impl World {
         turned::add(&mut blocks);
         ties::add(&mut blocks);
         measurement::add(&mut blocks, &solved);
+        let step = steps::add(&mut blocks);
         named::add(&mut blocks);
-        this.written = blocks.written;
+        (this.written, this.step) = (blocks.written, step);
         (this.blocks, this.terms) = blocks.list.into_iter().unzip();
         Some(this)
     }
@@ -105,6 +108,11 @@ impl World {
     /// A block.
     pub fn block(&self, index: usize) -> &Block {
         &self.blocks[index]
+    }
+
+    /// The pose from which on a block acts, if that is not the first.
+    pub fn since(&self, block: usize) -> Option<usize> {
+        self.step.as_ref().filter(|step| step.blocks.contains(&block)).map(|step| step.from)
     }
 
     /// What a finding found as elements, a compliance of a place whatever its form, by its main directions and by those alone in which
