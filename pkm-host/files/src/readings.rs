@@ -196,10 +196,12 @@ impl Repeats {
     ) -> usize {
         let same_load = REPEAT_TOLERANCE.max(REPEAT_TOLERANCE_SD * 2.0_f64.sqrt() * load_random);
         let loads = self.seen.entry(place).or_default();
+        let came_down = |turned_at: &Wrench<f64>| *turned_at != Wrench::ZERO;
         let is_same = |(other, [own, own_turned], _): &&(String, [Wrench<f64>; 2], usize)| {
-            let is_named = !name.is_empty() && name == *other;
             let are_repeats = |a, b| are_repeats(a, b, same_load);
-            (is_named || are_repeats(own, wrench)) && are_repeats(own_turned, turned_at)
+            // of one name on one branch of the history: whatever was recorded, at the turning point too
+            let is_named = !name.is_empty() && name == *other && came_down(own_turned) == came_down(turned_at);
+            is_named || (are_repeats(own, wrench) && are_repeats(own_turned, turned_at))
         };
         if let Some((.., number)) = loads.iter().find(is_same) {
             return *number;

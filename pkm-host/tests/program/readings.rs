@@ -2,6 +2,10 @@
 
 use std::fmt::Write;
 
+use pkm_host::files::machine::MachineFile;
+use pkm_host::files::readings::Readings;
+use pkm_host::files::source::Source;
+
 use crate::bad_input::{Kind, Make, Put, Reader};
 use crate::common::{Folder, fixture, json, reference_machine};
 
@@ -185,3 +189,23 @@ const OF_COVARIANCES: &[Kind] = &[
     ("a zero that is all", Put("0.125,0.5", "0.125,1"), ":2: zero_share: ", "from 0 to below 1, found 1"),
     ("a share without number", Put("0.125,0.5", "0.125,"), ":2: zero_share: ", "empty cell"),
 ];
+
+/// Readings under a load of one name are repeats whatever was recorded, on the way back from a peak that differs, too.
+#[test]
+fn loads_of_one_name_are_repeats_on_both_branches() {
+    let file = MachineFile::parse(Source::from_text("m.toml", reference_machine())).unwrap();
+    let repeat_of = |names: [&str; 3]| {
+        let [low, high, back] = names;
+        let row = |force: f64, name: &str, n: u8| format!("p,3,-2,530,{force},0,0,0,0,0,{},{n},{name}", 0.1 * force);
+        let rows = [(200.0, low), (1000.0, high), (206.0, back)]
+            .map(|(force, name)| [row(force, name, 1), row(1.05 * force, name, 2)]);
+        let of_series = |n: usize| rows.iter().map(|row| row[n].clone()).collect::<Vec<_>>();
+        let text = format!("{POSE_AND_LOAD},dx_um,series,load\n{}\n", [of_series(0), of_series(1)].concat().join("\n"));
+        let readings = Readings::read(Source::from_text("d.csv", text), &file).unwrap();
+        readings.readings.iter().map(|r| r.repeat_of).collect::<Vec<_>>()
+    };
+    // loads that differ by 5 % are no repeats by themselves
+    assert_eq!(repeat_of(["", "", ""]), [0, 1, 2, 3, 4, 5]);
+    // one name on both branches is two loads, since friction tells them apart
+    assert_eq!(repeat_of(["low", "high", "low"]), [0, 1, 2, 0, 1, 2]);
+}
