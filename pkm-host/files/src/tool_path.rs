@@ -7,8 +7,9 @@ use pkm_core::Wrench;
 
 use crate::csv::Row;
 use crate::dataset::{self, Sheet, WRENCH_COLUMNS};
-use crate::error::{Failure, Result};
+use crate::error::{Failure, Result, printable};
 use crate::gcode::{Program, Setup, Writer};
+use crate::import::encoding;
 use crate::path::{FeedMode, Load, Move, Place, Toward};
 use crate::source::{Source, folder_of};
 
@@ -45,15 +46,21 @@ pub struct Point {
 pub fn is_program(file: &Path) -> Option<bool> {
     match file.extension().and_then(OsStr::to_str).unwrap_or("").to_lowercase().as_str() {
         "csv" => Some(false),
-        "ngc" | "nc" | "gcode" | "cnc" | "tap" => Some(true),
+        "ngc" | "nc" | "gcode" | "cnc" | "tap" | "mpf" => Some(true),
         _ => None,
     }
 }
 
 /// The same, where it has to say either.
 fn kind_of(path: &Path) -> Result<bool> {
-    let message = "expected a name that ends in .csv, or for G-code in .ngc, .nc, .gcode, .cnc or .tap";
+    let message = "expected a name that ends in .csv, or for G-code in .ngc, .nc, .gcode, .cnc, .tap or .mpf";
     is_program(path).ok_or_else(|| Failure::usage(message).in_file(path.display().to_string()))
+}
+
+/// A program as text, and its encoding unless that is UTF-8: controls have one of their own for comments.
+fn decoded(given: &Source) -> Result<(Source, Option<&'static str>)> {
+    let (text, encoding) = encoding::text(given)?;
+    Ok((Source::from_text(&given.name, text.into_owned()), encoding))
 }
 
 impl ToolPath {
@@ -64,7 +71,8 @@ impl ToolPath {
     /// See [`read_csv`], [`Program::parse`] and [`Program::parse_by`]; another name; a path that is compensated already.
     pub fn read(path: &Path, wrench: Option<[f64; 6]>, setup: &Setup, rs274: Option<&Path>) -> Result<(Self, Source)> {
         let is_program = kind_of(path)?;
-        let source = Source::read(path)?;
+        let given = Source::read(path)?;
+        let (source, encoding) = if is_program { decoded(&given)? } else { (given.clone(), None) };
         let marked = |l: &str| l.strip_prefix(['(', '#']).is_some_and(|l| l.trim_start().starts_with(MARK));
         if let Some(line) = source.text()?.lines().position(marked) {
             let message = "this path is compensated already: give the one that it was made from";
@@ -72,11 +80,13 @@ impl ToolPath {
         }
         if is_program {
             let wrench = wrench.map(|w| Wrench::from_vector(w.into()));
-            let program = match rs274 {
+            let mut program = match rs274 {
                 Some(rs274) => Program::parse_by(rs274, &source, folder_of(path), wrench, setup)?,
                 None => Program::parse_with(&source, wrench, setup)?,
             };
-            return Ok((Self::Program(program), source));
+            let name = printable(&source.name);
+            program.warnings.extend(encoding.map(|of| format!("{name}: read as {of}, and written as UTF-8")));
+            return Ok((Self::Program(program), given));
         }
         if wrench.is_some() {
             return Err(Failure::usage("--wrench is for G-code: a CSV gives the load in its columns fx_n … mz_nm"));

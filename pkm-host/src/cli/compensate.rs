@@ -33,7 +33,7 @@ use crate::report::compensate as report;
 #[derive(clap::Args)]
 pub(crate) struct Args {
     /// CSV with x_mm,y_mm,z_mm,i,j,k (tip and axis in B) and fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm (on the tool at the tip, in
-    /// the tool's frame), or G-code (.ngc, .nc, .gcode, .cnc, .tap).
+    /// the tool's frame), or G-code (.ngc, .nc, .gcode, .cnc, .tap, .mpf).
     #[arg(long, value_name = "FILE")]
     path: PathBuf,
     /// coefficients.json of `fit`; without it the basic model with the machine file's effects.

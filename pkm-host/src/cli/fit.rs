@@ -56,6 +56,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
     let provenance = Provenance {
         command: &command,
         file: &table,
+        poses: fit.training.len(),
         verification: verification.as_ref().map(|(name, sha)| (name.as_str(), sha.as_str())),
         training: trained,
         verified: verified.as_ref(),

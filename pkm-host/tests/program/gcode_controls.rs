@@ -466,3 +466,18 @@ fn what_is_left_to_the_control_is_said() {
         assert!(self::why(&format!("{START}{cut}")).0.contains(why), "{cut}");
     }
 }
+
+/// A program that a control's editor wrote: line ends of CR LF stay, comments in the control's encoding are read.
+#[test]
+fn line_ends_stay_and_comments_are_read_in_their_encoding() {
+    let folder = Folder::new();
+    let (path, out) = (folder.path("p.nc"), folder.path("out.nc"));
+    let program = format!("%\nO1 (T\u{e4}sche)\n{START}G1 X-204 F100\nM30\n%\n").replace('\n', "\r\n");
+    let bytes: Vec<u8> = program.chars().map(|c| c as u8).collect();
+    std::fs::write(&path, &bytes).unwrap();
+    let summary = json(&["compensate", "--path", &path, "--wrench", WRENCH, "--out", &out]);
+    assert!(summary["warnings"].to_string().contains("p.nc: read as Windows-1252, and written as UTF-8"), "{summary}");
+    let made = folder.read("out.nc");
+    assert_eq!(made.matches('\n').count(), made.matches("\r\n").count());
+    assert!(made.contains("(T\u{e4}sche)\r\n") && made.matches("\r\n").count() > 8, "{made}");
+}

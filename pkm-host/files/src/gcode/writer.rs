@@ -92,7 +92,8 @@ impl Writer<'_> {
         let head: String = notes.iter().map(|note| format!("({})\n", note.replace(['(', ')'], ""))).collect();
         let mut text = self.text;
         text.insert_str(self.head, &head);
-        text
+        // with the line ends of the program
+        if self.program.source.text().is_ok_and(|own| own.contains("\r\n")) { text.replace('\n', "\r\n") } else { text }
     }
 
     /// Writes the blocks that have all of their places.

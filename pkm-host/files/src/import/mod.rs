@@ -6,7 +6,7 @@
 
 mod cells;
 mod columns;
-mod encoding;
+pub(crate) mod encoding;
 mod header;
 mod kinds;
 mod merged;

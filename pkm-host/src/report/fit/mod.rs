@@ -267,7 +267,7 @@ pub fn html(p: &Provenance<'_>, fit: &Fit, warnings: &[String]) -> Result<String
     let facts = vec![
         ("Command", p.command.to_owned()),
         ("Machine file, SHA-256", p.file.machine_sha256.clone()),
-        ("Data", format!("{}, {} poses, SHA-256 {}", p.file.data, fit.training.len(), p.file.data_sha256)),
+        ("Data", format!("{}, {} poses, SHA-256 {}", p.file.data, p.poses, p.file.data_sha256)),
         ("Verification", p.verification.map_or("none".into(), |(name, sha)| format!("{name}, SHA-256 {sha}"))),
         ("Box, outside which the controller gets a status", format!("θ {theta:?}°, σ {sigma:?}°, Z0 {z0:?} mm")),
         ("Condition number of the fit", format!("{:.1}", fit.condition)),
