@@ -57,10 +57,18 @@ fn kind_of(path: &Path) -> Result<bool> {
     is_program(path).ok_or_else(|| Failure::usage(message).in_file(path.display().to_string()))
 }
 
+/// Whether a program's line is ASCII but for its comments.
+fn has_plain_code(line: &str) -> bool {
+    let mut parts = line.split(';').next().unwrap_or("").split('(');
+    let is_plain = parts.next().is_none_or(str::is_ascii);
+    is_plain && parts.all(|part| part.split_once(')').is_none_or(|(_, behind)| behind.is_ascii()))
+}
+
 /// A program as text, and its encoding unless that is UTF-8: controls have one of their own for comments.
 fn decoded(given: &Source) -> Result<(Source, Option<&'static str>)> {
-    let (text, encoding) = encoding::text(given)?;
-    Ok((Source::from_text(&given.name, text.into_owned()), encoding))
+    let Err(failure) = given.text() else { return Ok((given.clone(), None)) };
+    let text = encoding::from_windows_1252(given.bytes()).filter(|text| text.lines().all(has_plain_code));
+    Ok((Source::from_text(&given.name, text.ok_or(failure)?), Some("Windows-1252")))
 }
 
 impl ToolPath {

@@ -6,6 +6,8 @@
 /// Least temperature in °C that is probably in kelvins: no machine is measured at 150 °C. Angles in radians:
 /// [`MAX_RADIANS`](crate::pose::MAX_RADIANS).
 pub const MIN_KELVIN: f64 = 150.0;
+/// Temperature in °C above which all are probably in °F: a shop has 59 to 95 °F, and no machine stays above 55 °C.
+pub const MIN_FAHRENHEIT: f64 = 55.0;
 /// Least distance in mm of a point of the readings that is not probably in metres.
 pub const MIN_POINT_MM: f64 = 1.0;
 /// Numbers that instruments write for "no value", without their sign.

@@ -38,6 +38,8 @@ pub enum WarningKind {
     AnglesInRadians,
     /// Temperatures that look like kelvins.
     TemperatureInKelvin,
+    /// Temperatures that look like °F.
+    TemperatureInFahrenheit,
     /// A point of the readings that looks like metres.
     PointInMetres,
     /// Rows without a temperature, where others have one.

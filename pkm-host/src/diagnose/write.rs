@@ -247,8 +247,7 @@ pub fn table(
         readings.source.file_name()
     );
     let (training, poses) = (&trained, readings.poses.len());
-    let provenance =
-        Provenance { command: &command, file: &file, poses, verification: None, training, verified: None };
+    let provenance = Provenance { command: &command, file: &file, poses, verification: None, training, verified: None };
     let failed = |e: &dyn std::fmt::Display| Failure::other(e.to_string());
     let numbers = fit.numbers.table()?;
     let judged = |pose: &Pose<f64>| {

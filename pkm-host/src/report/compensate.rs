@@ -155,7 +155,7 @@ pub fn far_apart(track: &Track) -> Option<String> {
     let is_much = track.halfway.max > MAX_HALFWAY * track.before[0].max;
     is_much.then(|| {
         let most_um = track.halfway.max * 1e6;
-        format!("halfway between two points {most_um:.2} µm are left: points that are closer leave less (--step-mm)")
+        format!("at midpoints between points {most_um:.2} µm are left: points that are closer leave less (--step-mm)")
     })
 }
 
@@ -189,7 +189,7 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
     // what is more is among the warnings
     if track.halfway.count > 0 && far_apart(track).is_none() {
         let most_um = track.halfway.max * 1e6;
-        all.push(Finding::good(format!("Halfway between two points {most_um:.4} µm are left at most.")));
+        all.push(Finding::good(format!("At midpoints between points at most {most_um:.4} µm are left.")));
     }
     all.extend(of_axis(track));
     if track.extrapolated > 0 {

@@ -63,7 +63,7 @@ pub(super) fn svg(places: &[PathPlace], worst: Option<&LineErrors>) -> String {
     if let Some(line) = worst.filter(|_| last.is_some()) {
         let [x, y] = at(line.worst.tip_m);
         // its name away from the path, but within the picture
-        let is_right = (x > SIZE[0] / 2.0 || x < NAME) && x < SIZE[0] - NAME;
+        let is_right = !(NAME..=SIZE[0] / 2.0).contains(&x) && x < SIZE[0] - NAME;
         let (side, anchor) = if is_right { (10.0, "start") } else { (-10.0, "end") };
         _ = writeln!(
             s,

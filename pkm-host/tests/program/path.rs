@@ -285,7 +285,7 @@ fn rows_that_are_far_apart_are_judged_between_them_too() {
     assert!(off_um > 3.0 && (said_um - off_um).abs() < 0.05 * off_um, "{said_um} {off_um}");
     let warning = summary["warnings"].to_string();
     assert!(
-        warning.contains("halfway between two points 4.08 µm are left") && warning.contains("--step-mm"),
+        warning.contains("at midpoints between points 4.08 µm are left") && warning.contains("--step-mm"),
         "{warning}"
     );
 }

@@ -53,7 +53,7 @@ fn from_utf16(source: &Source, bytes: &[u8], unit: fn([u8; 2]) -> u16) -> Result
 }
 
 /// `None` for what is no text in it: control characters, and bytes that it does not define.
-fn from_windows_1252(bytes: &[u8]) -> Option<String> {
+pub fn from_windows_1252(bytes: &[u8]) -> Option<String> {
     let high: Vec<char> = WINDOWS_1252.chars().collect();
     let character = |byte: u8| match byte {
         b'\t' | b'\n' | b'\r' | 0x20..=0x7e | 0xa0..=0xff => Some(char::from(byte)),

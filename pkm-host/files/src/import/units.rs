@@ -34,8 +34,10 @@ pub enum Size {
     Degrees(f64),
     /// Kelvins: 273.15 lies between them and °C.
     Kelvin,
+    /// °F.
+    Fahrenheit,
 }
-use Size::{Decimal, Degrees, Kelvin, Times};
+use Size::{Decimal, Degrees, Fahrenheit, Kelvin, Times};
 
 /// Standard gravity, m/s²: makes kilograms forces.
 pub const GRAVITY: f64 = 9.806_65;
@@ -73,7 +75,7 @@ const fn unit(quantity: Quantity, size: Size, names: &'static [&'static str]) ->
 
 /// All units that are known, without spaces, `u` for µ, and neither dots nor stars between factors. The case of letters counts:
 /// `mN` and `MN` differ.
-const UNITS: [Unit; 33] = [
+const UNITS: [Unit; 34] = [
     unit(Quantity::Length, Decimal(0), &["m"]),
     unit(Quantity::Length, Decimal(-2), &["cm"]),
     unit(Quantity::Length, Decimal(-3), &["mm"]),
@@ -103,6 +105,7 @@ const UNITS: [Unit; 33] = [
     unit(Quantity::Moment, Times(POUND_N * INCH_M), &["lbf·in", "lbfin", "inlbf", "inlb", "lbin"]),
     unit(Quantity::Temperature, Decimal(0), &["°C", "degC", "C", "Celsius"]),
     unit(Quantity::Temperature, Kelvin, &["K"]),
+    unit(Quantity::Temperature, Fahrenheit, &["°F", "degF", "Fahrenheit"]),
     unit(Quantity::Time, Decimal(0), &["s", "sec", "seconds", "Sekunden"]),
     unit(Quantity::Time, Decimal(-3), &["ms", "msec"]),
     unit(Quantity::Time, Times(60.0), &["min", "minutes", "Minuten"]),
@@ -155,6 +158,7 @@ pub fn converted(text: &str, from: &Unit, to: &Unit) -> Option<String> {
                 (Times(a), Decimal(b)) => value * a * 10_f64.powi(-b),
                 (Decimal(a), Times(b)) => value * 10_f64.powi(a) / b,
                 (Kelvin, _) => tidy(value - 273.15),
+                (Fahrenheit, _) => tidy((value - 32.0) / 1.8),
                 _ => return None,
             };
             Some(converted.to_string())
@@ -230,6 +234,7 @@ mod tests {
         assert_eq!(of(Quantity::Moment, "kN m", "N·m", "0.5"), "500");
         assert_eq!(of(Quantity::Length, "μm", "µm", "12.50"), "12.50");
         assert_eq!(of(Quantity::Temperature, "K", "°C", "294.65"), "21.5");
+        assert_eq!(of(Quantity::Temperature, "°F", "°C", "70.7"), "21.5");
         assert_eq!(of(Quantity::Angle, "mrad", "µrad", "0,0118"), "11,8");
         let degrees: f64 = of(Quantity::Angle, "rad", "°", "0.1").parse().unwrap();
         assert_eq!(degrees, 0.1_f64.to_degrees());

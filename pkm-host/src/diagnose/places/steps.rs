@@ -156,9 +156,12 @@ fn of_measurement(blocks: &Blocks<'_>) -> Vec<Change> {
     ]
 }
 
+/// A place, and what passes there.
+type Mount = (Place, fn(&Frame) -> &M68);
+
 fn of_machine(blocks: &Blocks<'_>) -> Vec<Change> {
     let usual: Vec<f64> = ALL.map(|i| blocks.usual.1[(i, i)]).into();
-    let mounts: [(Place, fn(&Frame) -> &M68); 2] = [(Place::Tool, |f| &f.wrenches), (Place::Base, |f| &f.ground)];
+    let mounts: [Mount; 2] = [(Place::Tool, |f| &f.wrenches), (Place::Base, |f| &f.ground)];
     let mut all: Vec<Change> = Vec::new();
     let names = |place: Place| vec![place.name().unwrap_or_default().to_owned()];
     for (place, passing) in mounts {

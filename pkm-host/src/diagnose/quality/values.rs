@@ -7,7 +7,9 @@ use pkm_diagnosis::robust::upper_median;
 
 use super::DataWarning;
 use crate::diagnose::WarningKind;
-use crate::diagnose::reading_rules::{MAX_LOAD_RANDOM, MIN_KELVIN, MIN_PLACEHOLDER_RATIO, MIN_POINT_MM, PLACEHOLDERS};
+use crate::diagnose::reading_rules::{
+    MAX_LOAD_RANDOM, MIN_FAHRENHEIT, MIN_KELVIN, MIN_PLACEHOLDER_RATIO, MIN_POINT_MM, PLACEHOLDERS,
+};
 use crate::error::lines_text;
 use crate::files::dataset::{LOAD_RANDOM_COLUMN, POINT_COLUMNS, READ_COLUMNS, Sheet, WRENCH_COLUMNS};
 use crate::pose::MAX_RADIANS;
@@ -48,8 +50,14 @@ pub(super) fn units(sheet: &Sheet) -> Vec<DataWarning> {
         );
         all.push(DataWarning::new(WarningKind::AnglesInRadians, message).at_column("theta_deg"));
     }
-    let warm: Vec<u64> =
-        numbers(sheet, "temperature_c").iter().filter(|(_, v)| *v > MIN_KELVIN).map(|(line, _)| *line).collect();
+    let temperatures = numbers(sheet, "temperature_c");
+    let warm: Vec<u64> = temperatures.iter().filter(|(_, v)| *v > MIN_KELVIN).map(|(line, _)| *line).collect();
+    let least = temperatures.iter().fold(f64::INFINITY, |least, (_, v)| least.min(*v));
+    if warm.is_empty() && least > MIN_FAHRENHEIT && least < f64::INFINITY {
+        let message =
+            format!("no temperature is below {least} °C: are they in °F? Then call the column `temperature [°F]`");
+        all.push(DataWarning::new(WarningKind::TemperatureInFahrenheit, message).at_column("temperature_c"));
+    }
     if !warm.is_empty() {
         let message = format!(
             "temperatures above {MIN_KELVIN} °C in {}: are they in kelvins? Then call the column `temperature [K]`",

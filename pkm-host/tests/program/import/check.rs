@@ -119,6 +119,7 @@ const DOUBTFUL: &[Case] = &[
     ("nothing", |t| t, "", 0, "", "", 0),
     ("angles in radians", |t| t.map(&["theta_deg", "sigma_deg"], |c| c.parse::<f64>().unwrap().to_radians().to_string()), "angles_in_radians", 0, "theta_deg", "theta [rad]", 2),
     ("temperatures in kelvins", |t| t.with(19, "temperature_c", "293.4"), "temperature_in_kelvin", 2, "temperature_c", "temperature [K]|and 594 more", 1),
+    ("temperatures in degrees Fahrenheit", |t| t.with(19, "temperature_c", "71.5"), "temperature_in_fahrenheit", 0, "temperature_c", "temperature [°F]|below 71.5", 1),
     ("a temperature left out", |t| row(t.with(19, "temperature_c", "23.4"), 5, &["temperature_c"], |_| String::new()), "temperature_left_out", 7, "temperature_c", "no temperature in line 7|20 °C is taken", 1),
     ("a point in metres", |t| t.with(4, "point_u_mm", "0").with(5, "point_v_mm", "0").with(6, "point_w_mm", "0.01"), "point_in_metres", 0, "point_u_mm", "point_u [m]", 1),
     ("a placeholder for no value", |t| row(t, 20, &["dx_um"], |_| "9999".into()), "placeholder", 22, "dx_um", "empty the cell", 2),
