@@ -65,8 +65,12 @@ pub fn settled(levels: &Levels<'_>, noise: &Noise, mut search: Search) -> Option
 /// suggest.
 pub fn settled_fit(levels: &Levels<'_>, noise: &Noise, mut fit: Fit, level: usize, is_found: bool) -> Option<Fit> {
     let problem = &levels.problems[level];
-    if level > 0 && (is_found || lack_of_fit(problem, noise, &fit).p < problem.rules.max_misfit_p) {
-        fit.x = levels.problems[0].fit_plain(&fit.unknowns, fit.x.as_slice())?.x;
+    if level > 0
+        && (is_found || lack_of_fit(problem, noise, &fit).p < problem.rules.max_misfit_p)
+        // where that has no end, along a valley of two parameters, they stay as they are
+        && let Some(plain) = levels.problems[0].fit_plain(&fit.unknowns, fit.x.as_slice())
+    {
+        fit.x = plain.x;
     }
     // at a kink the slopes of a fit are those of one side
     problem.linear(&fit.unknowns, fit.x.clone())
