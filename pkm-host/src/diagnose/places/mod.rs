@@ -1,7 +1,7 @@
 //! Blocks of columns for every place of the machine, for [`pkm_diagnosis::places`].
 //!
 //! Everything linear that yields adds a compliance to the one that the eight transmitted wrenches meet (`elastic`); laws of the
-//! load add elongations; errors of the measurement add displacements (`terms`). `limbs`, `platforms` and `measurement` list
+//! load add elongations; errors of the measurement add displacements (`terms`). `limbs`, `platforms`, `measurement` and `steps` list
 //! the blocks, `named` those of the effects that have a formula.
 
 mod coupled;
