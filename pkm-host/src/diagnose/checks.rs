@@ -215,8 +215,8 @@ pub fn of_change(world: &World, inferred: &Inferred, readings: &Readings) -> Opt
     let from = inferred.findings.iter().find_map(|f| world.since(f.block))?;
     let line = readings.readings.iter().find(|r| readings.conditions[r.condition].pose == from)?.line;
     let message = format!(
-        "from {} on the readings are those of another sensor, load, pose or machine than before, once and for all: was something set up \
-         anew, exchanged or loosened there? Diagnose the poses before and from there on apart",
+        "from {} on the readings differ from those before, as if sensor, load, poses or machine had been changed there: was something set \
+         up anew, exchanged or loosened? Diagnose the poses before and from there on apart",
         readings.poses[from].name()
     );
     Some(Warning { lines: vec![line], ..Warning::new(WarningKind::ChangeBetweenPoses, message) })

@@ -64,7 +64,7 @@ fn what_began_at_a_pose_is_no_part_of_the_machine() {
         // the first row of the first such pose
         let line = doubts[0]["lines"][0].as_u64().unwrap() as usize;
         let name = |line: usize| data.lines().nth(line - 1).unwrap().split(',').next().unwrap();
-        let first = format!("from pose {} (line {line}) on the readings are those of another sensor", name(line));
+        let first = format!("from pose {} (line {line}) on the readings differ from those before", name(line));
         assert!(doubts[0]["message"].as_str().unwrap().starts_with(&first), "{doubts:?}");
         let before: std::collections::BTreeSet<&str> = (2..line).map(name).collect();
         assert_eq!(before.len(), poses / 2);
