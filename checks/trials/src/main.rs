@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use clap::{Parser, Subcommand};
 use pkm_trials::effects::{COUPLING, LISTED, OUTSIDE};
 use pkm_trials::score::{self, Outcome};
-use pkm_trials::set::{Conditions, Kind, Set};
+use pkm_trials::set::{Kind, Set, SetOptions};
 use pkm_trials::stiffness::{self, Stiff};
 use pkm_trials::unloaded::{self, Case};
 use pkm_trials::{life, uncertainty, unloaded_score};
@@ -32,7 +32,7 @@ enum Command {
         #[arg(long)]
         seed: u64,
         #[command(flatten)]
-        conditions: Conditions,
+        conditions: SetOptions,
         /// Folder for machine.toml, measured.csv, heldout.csv, heldout_zones.csv and truth.json
         #[arg(long)]
         out: PathBuf,
@@ -52,7 +52,7 @@ enum Command {
         #[arg(long, value_delimiter = ',', default_value = "none,one,two,declared,outside,load-errors")]
         kinds: Vec<Kind>,
         #[command(flatten)]
-        conditions: Conditions,
+        conditions: SetOptions,
         /// Sets at a time
         #[arg(long, default_value_t = 2)]
         jobs: usize,
@@ -255,13 +255,13 @@ const SEEDS: [u64; 2] = [1, 2];
 
 /// Writes the sets that the project keeps.
 fn fixtures(out: &Path) -> Result<(), String> {
-    let conditions = |effect: Option<&str>, lambda| Conditions {
+    let conditions = |effect: Option<&str>, lambda| SetOptions {
         effect: effect.map(str::to_owned),
         lambda,
         poses: Some(10),
-        ..Conditions::default()
+        ..SetOptions::default()
     };
-    let write = |name: &str, kind, seed, conditions: &Conditions| {
+    let write = |name: &str, kind, seed, conditions: &SetOptions| {
         Set::new(kind, seed, conditions)
             .and_then(|set| set.write(&out.join(name), false))
             .map_err(|e| format!("{name}: {e}"))

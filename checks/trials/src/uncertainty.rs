@@ -13,7 +13,7 @@ use crate::Random;
 use crate::effects::{Effect, LISTED, OUTSIDE};
 use crate::forms::FORMS;
 use crate::machine::{Machine, Pose};
-use crate::set::{Conditions, Kind, Set};
+use crate::set::{Kind, Set, SetOptions};
 use crate::truth::World;
 
 /// Where a held-out pose lies: of a box that is this much as wide as the measured one, at least and at most.
@@ -221,7 +221,7 @@ impl Outcome {
     /// # Errors
     /// What the program refuses.
     pub fn of_diagnosis(program: &Path, kind: Kind, seed: u64, folder: &Path) -> Result<Self, String> {
-        let set = Set::new(kind, seed, &Conditions::default())?;
+        let set = Set::new(kind, seed, &SetOptions::default())?;
         set.write(folder, false)?;
         let (csv, truth) = set.asked(TIP_M);
         let asked = write(folder, "asked.csv", &csv)?;

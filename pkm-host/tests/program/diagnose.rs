@@ -5,7 +5,7 @@ use pkm_host::diagnose::{self, Diagnosis, Method, Rules, Verdict};
 use pkm_host::files::machine::MachineFile;
 use pkm_host::files::readings::Readings;
 use pkm_host::files::source::Source;
-use pkm_trials::set::{Conditions, Kind, Set};
+use pkm_trials::set::{Kind, Set, SetOptions};
 use serde_json::Value;
 
 use crate::common::{Folder, fixture, json, reference_machine, refused, run};
@@ -29,7 +29,7 @@ fn diagnose(set: &str, folder: &Folder, more: &[&str]) -> Value {
 }
 
 /// A random one, which goes to the folder's `set`.
-fn diagnose_random(kind: Kind, seed: u64, conditions: &Conditions, folder: &Folder) -> Value {
+fn diagnose_random(kind: Kind, seed: u64, conditions: &SetOptions, folder: &Folder) -> Value {
     Set::new(kind, seed, conditions).unwrap().write(folder.path("set").as_ref(), false).unwrap();
     diagnose_set(|file| folder.path(&format!("set/{file}")), folder, &[])
 }
@@ -197,7 +197,7 @@ fn under_loads_of_one_direction_play_and_softness_are_one_another_s_rivals() {
 #[test]
 fn a_platform_and_a_tool_that_both_give_leave_a_table_that_is_read() {
     let folder = Folder::new();
-    let found = diagnose_random(Kind::FormPairs, 1_770_024, &Conditions::default(), &folder);
+    let found = diagnose_random(Kind::FormPairs, 1_770_024, &SetOptions::default(), &folder);
     assert!(rms(&found, "after") < rms(&found, "retuned_only"));
     let [machine, table, poses] =
         ["out/machine.toml", "out/coefficients.json", "set/heldout.csv"].map(|f| folder.path(f));
@@ -915,7 +915,7 @@ fn a_foot_that_lifts_is_at_the_base() {
 #[test]
 fn a_bracket_that_swings_is_at_the_tool() {
     let folder = Folder::new();
-    let conditions = Conditions { effect: Some("resonant-bracket".into()), ..Conditions::default() };
+    let conditions = SetOptions { effect: Some("resonant-bracket".into()), ..SetOptions::default() };
     let found = diagnose_random(Kind::Outside, 107, &conditions, &folder);
     let [place, law, inspect] = the_only_find(&found);
     assert_eq!([place, law], ["tool", "pose"]);
@@ -943,11 +943,11 @@ fn re_identified_stiffnesses_are_of_the_readings_as_they_are() {
 #[test]
 fn a_find_of_the_sensor_is_judged_on_readings_of_the_same_sensor_too() {
     let folder = Folder::new();
-    let conditions = Conditions {
+    let conditions = SetOptions {
         effect: Some("sensor-rotation".into()),
         lambda: Some(400.0),
         sensed_heldout: true,
-        ..Conditions::default()
+        ..SetOptions::default()
     };
     let found = diagnose_random(Kind::One, 5, &conditions, &folder);
     assert_eq!(the_only_find(&found)[0], "sensor");
@@ -968,7 +968,7 @@ fn a_find_of_the_sensor_is_judged_on_readings_of_the_same_sensor_too() {
 #[test]
 fn a_worn_stretch_of_a_screw_is_named_by_its_lengths() {
     let folder = Folder::new();
-    let conditions = Conditions { effect: Some("form-screw".into()), lambda: Some(300.0), ..Conditions::default() };
+    let conditions = SetOptions { effect: Some("form-screw".into()), lambda: Some(300.0), ..SetOptions::default() };
     let found = diagnose_random(Kind::Forms, 2, &conditions, &folder);
     let [place, law, inspect] = the_only_find(&found);
     assert_eq!([place, law], ["limb.3.body", "extension"]);
@@ -1022,7 +1022,7 @@ fn a_drive_that_softens_with_temperature_is_found_in_its_limb() {
 
 /// Diagnoses a random set whose rows below the head were read otherwise.
 fn diagnose_read_otherwise(kind: Kind, seed: u64, folder: &Folder, mut read: impl FnMut(&mut [String])) -> Value {
-    Set::new(kind, seed, &Conditions::default()).unwrap().write(folder.path("set").as_ref(), false).unwrap();
+    Set::new(kind, seed, &SetOptions::default()).unwrap().write(folder.path("set").as_ref(), false).unwrap();
     let mut data = String::new();
     for line in folder.read("set/measured.csv").lines().filter(|line| !line.starts_with('#')) {
         let mut cells: Vec<String> = line.split(',').map(str::to_owned).collect();

@@ -61,7 +61,7 @@ impl Kind {
 
 /// What may be asked of a set beyond its kind.
 #[derive(Clone, Debug, Default, clap::Args)]
-pub struct Conditions {
+pub struct SetOptions {
     /// Only this effect (of the contract, or one outside it), instead of a random one
     #[arg(long)]
     pub effect: Option<String>,
@@ -132,7 +132,7 @@ fn is_part(part: Part, joint: &str, entries: &str) -> bool {
 
 impl Set {
     /// Draws a set; all of it follows from the seed and the conditions.
-    pub fn new(kind: Kind, seed: u64, conditions: &Conditions) -> Result<Self, String> {
+    pub fn new(kind: Kind, seed: u64, conditions: &SetOptions) -> Result<Self, String> {
         let mut rng = Random::new(seed ^ ((kind as u64 + 1) << 48));
         for attempt in 0..200 {
             // declared values by turns: some parts hardly act and would be drawn away
@@ -148,7 +148,7 @@ impl Set {
     fn draw(
         kind: Kind,
         seed: u64,
-        conditions: &Conditions,
+        conditions: &SetOptions,
         part: &Wrong,
         rng: &mut Random,
     ) -> Result<Option<Self>, String> {
@@ -236,7 +236,7 @@ impl Set {
     }
 
     /// Puts effects into the machine, as strong as wanted; false when they cannot be seen there.
-    fn put_in(&mut self, specs: &[Spec], conditions: &Conditions, rng: &mut Random) -> bool {
+    fn put_in(&mut self, specs: &[Spec], conditions: &SetOptions, rng: &mut Random) -> bool {
         let tuning = Tuning::new(&self.world, &self.poses, &self.rows, self.rotations);
         let mut signals = Vec::new();
         let mut chosen = Vec::new();
@@ -384,7 +384,7 @@ impl Set {
 }
 
 /// Which effects a set of this kind gets.
-fn specs(kind: Kind, conditions: &Conditions, rng: &mut Random) -> Result<Vec<Spec>, String> {
+fn specs(kind: Kind, conditions: &SetOptions, rng: &mut Random) -> Result<Vec<Spec>, String> {
     let listed = |rng: &mut Random| if rng.chance(0.04) { effects::COUPLING } else { rng.pick(&LISTED) };
     let wished = match &conditions.effect {
         Some(id) => Some(effects::find(id).ok_or_else(|| format!("no effect {id}"))?),

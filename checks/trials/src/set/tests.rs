@@ -5,17 +5,17 @@ use super::*;
 #[test]
 fn everything_follows_from_the_seed() {
     for kind in [Kind::None, Kind::Two, Kind::Declared, Kind::Outside, Kind::LoadErrors] {
-        let [a, b] = [0, 1].map(|_| Set::new(kind, 7, &Conditions::default()).unwrap());
+        let [a, b] = [0, 1].map(|_| Set::new(kind, 7, &SetOptions::default()).unwrap());
         assert_eq!((a.truth(), a.readings), (b.truth(), b.readings));
     }
-    let [a, b] = [7, 8].map(|seed| Set::new(Kind::None, seed, &Conditions::default()).unwrap());
+    let [a, b] = [7, 8].map(|seed| Set::new(Kind::None, seed, &SetOptions::default()).unwrap());
     assert_ne!(a.readings[0], b.readings[0]);
 }
 
 #[test]
 fn every_effect_can_be_made_and_reaches_lambda() {
     for spec in LISTED.iter().chain([&effects::COUPLING]).chain(&OUTSIDE).chain(&FORMS) {
-        let conditions = Conditions { effect: Some(spec.id.to_owned()), lambda: Some(60.0), ..Conditions::default() };
+        let conditions = SetOptions { effect: Some(spec.id.to_owned()), lambda: Some(60.0), ..SetOptions::default() };
         let is_among = |list: &[Spec]| list.iter().any(|s| s.id == spec.id);
         let kind = match spec {
             _ if is_among(&OUTSIDE) => Kind::Outside,

@@ -2,7 +2,7 @@
 
 use super::arcs::Plane;
 use super::cycles::{Drill, DrillWords};
-use super::motions::TurnFeed;
+use super::motions::{TurnFeed, dwell};
 use super::offsets::Offsets;
 use super::words::{Line, Numbers};
 use super::{Refusal, Setup, codes};
@@ -296,24 +296,7 @@ impl<'a> Modal<'a> {
         let lengths =
             |numbers: &mut Numbers, unit: f64| numbers.take_three(['X', 'Y', 'Z']).map(|v| v.map(|v| v * unit));
         match other {
-            40 => {
-                let seconds = numbers.take('P');
-                if seconds.is_some_and(|p| p < 0.0) {
-                    return Err("G4: a dwell is not below 0".into());
-                }
-                if seconds.is_none()
-                    && numbers.take('X').is_none()
-                    && numbers.take('U').is_none()
-                    && (line.has('F') || line.has('S'))
-                {
-                    return Err("G4 with F or S alone is a dwell in Siemens' own mode, and a feed or a speed elsewhere: write G4 P (or X), and F \
-                                and S in another line"
-                        .into());
-                }
-                if numbers.has_any("XYZIJKABC") {
-                    return Err("G4 with a move in one line".into());
-                }
-            }
+            40 => dwell(line, numbers)?,
             100 if self.incremental => {
                 return Err("G10 in G91: controls differ in what this does; write it in G90".into());
             }

@@ -19,6 +19,27 @@ pub(super) struct TurnFeed {
     pub word: f64,
 }
 
+/// G4.
+pub(super) fn dwell(line: &Line<'_>, numbers: &mut Numbers) -> Result<(), Refusal> {
+    let seconds = numbers.take('P');
+    if seconds.is_some_and(|p| p < 0.0) {
+        return Err("G4: a dwell is not below 0".into());
+    }
+    if seconds.is_none()
+        && numbers.take('X').is_none()
+        && numbers.take('U').is_none()
+        && (line.has('F') || line.has('S'))
+    {
+        return Err("G4 with F or S alone is a dwell in Siemens' own mode, and a feed or a speed elsewhere: write G4 P (or X), and F \
+                    and S in another line"
+            .into());
+    }
+    if numbers.has_any("XYZIJKABC") {
+        return Err("G4 with a move in one line".into());
+    }
+    Ok(())
+}
+
 impl Modal<'_> {
     /// F in force for a cut that only turns the tool: ° a minute, or in G95 ° a turn of the spindle.
     pub fn turn_feed(&self) -> Option<TurnFeed> {
