@@ -117,6 +117,8 @@ pub struct Readings {
     pub has_temperature: bool,
     /// Whether some readings were taken while the load went down.
     pub has_unloading: bool,
+    /// Whether the file has poses by the lengths of the screws, and not by θ, σ and Z0.
+    pub has_lengths: bool,
     /// What is wrong with the file and yet not refused.
     pub warnings: Vec<String>,
 }
@@ -140,6 +142,8 @@ fn inner(a: &Wrench<f64>, b: &Wrench<f64>) -> f64 {
 const REPEAT_TOLERANCE: f64 = 0.02;
 /// The same in standard deviations of the difference of two, where the load cell's noise is declared and greater.
 const REPEAT_TOLERANCE_SD: f64 = 3.0;
+/// Share of the largest force within which the loads where the history turned are one, under loads of one name.
+const PEAK_TOLERANCE: f64 = 0.1;
 
 /// Whether two wrenches are of one nominal load, within a share of the largest force: a load cell records each repeat a little
 /// differently.
@@ -196,12 +200,13 @@ impl Repeats {
     ) -> usize {
         let same_load = REPEAT_TOLERANCE.max(REPEAT_TOLERANCE_SD * 2.0_f64.sqrt() * load_random);
         let loads = self.seen.entry(place).or_default();
-        let came_down = |turned_at: &Wrench<f64>| *turned_at != Wrench::ZERO;
         let is_same = |(other, [own, own_turned], _): &&(String, [Wrench<f64>; 2], usize)| {
             let are_repeats = |a, b| are_repeats(a, b, same_load);
-            // of one name on one branch of the history: whatever was recorded, at the turning point too
-            let is_named = !name.is_empty() && name == *other && came_down(own_turned) == came_down(turned_at);
-            is_named || (are_repeats(own, wrench) && are_repeats(own_turned, turned_at))
+            // of one name whatever was recorded, on the way back from about the same load
+            if !name.is_empty() && name == *other {
+                return self::are_repeats(own_turned, turned_at, PEAK_TOLERANCE.max(same_load));
+            }
+            are_repeats(own, wrench) && are_repeats(own_turned, turned_at)
         };
         if let Some((.., number)) = loads.iter().find(is_same) {
             return *number;
@@ -348,6 +353,7 @@ impl Readings {
             resolution,
             has_temperature,
             has_unloading,
+            has_lengths: sheet.has("q1_mm") && !sheet.has("theta_deg"),
             warnings: sheet.warnings.clone(),
         })
     }
@@ -375,6 +381,7 @@ impl Readings {
             resolution: self.resolution,
             has_temperature: self.has_temperature,
             has_unloading: self.has_unloading,
+            has_lengths: self.has_lengths,
             warnings: self.warnings.clone(),
         }
     }

@@ -112,7 +112,8 @@ impl ToolPath {
         let source = Source::read(path)?;
         if is_program {
             let setup = Setup { is_only_played: true, ..Setup::default() };
-            return Ok((Self::Program(Program::parse_with(&source, Some(Wrench::ZERO), &setup)?), source));
+            let program = Program::parse_with(&decoded(&source)?.0, Some(Wrench::ZERO), &setup)?;
+            return Ok((Self::Program(program), source));
         }
         let (sheet, moves) = read_csv(source.clone())?;
         Ok((Self::Csv { sheet, moves }, source))

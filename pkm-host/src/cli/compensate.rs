@@ -262,10 +262,7 @@ fn notes(args: &Args, model: &Model, track: &Track, path: &ToolPath, session: &m
     if let ToolPath::Program(program) = path {
         notes.push(args.origin(model));
         if program.deletable > 0 {
-            notes.push(format!(
-                "{MARK}: {} lines with / were carried out, and stand here without it",
-                program.deletable
-            ));
+            notes.push(format!("{MARK}: lines with /: {} carried out, and written without it", program.deletable));
         }
     }
     if track.extrapolated > 0 {

@@ -216,7 +216,7 @@ pub fn of_change(world: &World, inferred: &Inferred, readings: &Readings) -> Opt
     let line = readings.readings.iter().find(|r| readings.conditions[r.condition].pose == from)?.line;
     let message = format!(
         "from {} on the readings differ from those before, as if sensor, load, poses or machine had been changed there: was something set \
-         up anew, exchanged or loosened? Diagnose the poses before and from there on apart",
+         up anew, exchanged or loosened? Diagnose both parts separately",
         readings.poses[from].name()
     );
     Some(Warning { lines: vec![line], ..Warning::new(WarningKind::ChangeBetweenPoses, message) })

@@ -205,6 +205,7 @@ pub fn alternatives(world: &World, inferred: &Inferred) -> Vec<(Vec<String>, f64
         let names = names.map(|block| Some(format!("{}: {}", block.places.first()?, block.law)));
         // what goes with no place is none of these
         let Some(mut names) = names.collect::<Option<Vec<String>>>() else { continue };
+        names.sort();
         names.dedup();
         match all.iter_mut().find(|a| a.0 == names) {
             Some(there) => there.1 += probability,

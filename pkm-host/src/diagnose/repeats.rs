@@ -2,9 +2,13 @@
 
 use std::collections::BTreeMap;
 
+use nalgebra::Vector6;
+use pkm_core::Wrench;
+
 use super::reading_rules::{MAX_WARMING_K, MIN_POSES_OF_SCALE, MIN_SCALE_OF_REPEATS, MIN_SCALE_SD};
 use super::warning::{Warning, WarningKind};
 use crate::files::readings::{CHANNELS, KINDS, Reading, Readings};
+use crate::pose::ROTATION_ARM_M;
 
 /// Sums over the pairs of one pose: squared means, and means times differences.
 #[derive(Clone, Copy, Default)]
@@ -20,6 +24,13 @@ fn share(poses: &BTreeMap<usize, Sums>) -> Option<(f64, f64)> {
     let share = poses.values().map(|s| s.products).sum::<f64>() / squares;
     let left: f64 = poses.values().map(|s| (s.products - share * s.squares).powi(2)).sum();
     (squares > 0.0 && poses.len() >= MIN_POSES_OF_SCALE).then(|| (share, left.sqrt() / squares))
+}
+
+/// A load, its moments as forces at the arm of rotations.
+fn weighed(load: &Wrench<f64>) -> Vector6<f64> {
+    let mut w = load.to_vector();
+    w.fixed_rows_mut::<3>(3).scale_mut(1.0 / ROTATION_ARM_M);
+    w
 }
 
 /// Pairs of a first reading of a load and the one that repeats it for the `nth` time, at one warmth.
@@ -42,8 +53,11 @@ pub fn of_other_scale(readings: &Readings) -> Option<Warning> {
             for [first, later] in pairs(readings, nth) {
                 let conditions = [first, later].map(|r| &readings.conditions[r.condition]);
                 // recorded loads differ a little, and deflections with them
-                let [w, other] = conditions.map(|c| c.wrench.to_vector());
+                let [w, other] = conditions.map(|c| weighed(&c.wrench));
                 let as_loaded = if w == other { 1.0 } else { w.norm_squared() / w.dot(&other) };
+                if !(0.8..=1.25).contains(&as_loaded) {
+                    continue;
+                }
                 let sums = poses.entry(conditions[0].pose).or_default();
                 for c in (0..CHANNELS).filter(|c| KINDS[*c] == kind) {
                     let (Some(x), Some(y)) = (first.observed[c], later.observed[c]) else { continue };

@@ -184,7 +184,8 @@ impl<'a> ByPose<'a> {
             .filter_map(|way| Some((way.how, left(&(way.taken)()?)?)))
             .min_by(|a, b| from_usual(a.1).total_cmp(&from_usual(b.1)));
         let is_better = |rest: f64| known.as_ref().is_none_or(|known| rest < MAX_SHARE_OF_KNOWN_WAY * known.1);
-        let may_be_mistyped = beyond.len() <= MAX_MISTYPED_POSES && own.readings.len() >= MIN_READINGS_OF_REPEAT;
+        let are_few = beyond.len() <= MAX_MISTYPED_POSES;
+        let may_be_mistyped = are_few && !own.has_lengths && own.readings.len() >= MIN_READINGS_OF_REPEAT;
         let mistyped = may_be_mistyped.then(|| mistyped(&own, left)).flatten();
         mistyped.filter(|(_, rest)| is_better(*rest)).or(known).filter(|(_, rest)| *rest < most)
     }

@@ -71,6 +71,7 @@ pub(super) fn readings(conditions: Vec<Condition>, readings: Vec<Reading>) -> Re
         resolution: [1e-9; CHANNELS],
         has_temperature: false,
         has_unloading: false,
+        has_lengths: false,
         warnings: Vec::new(),
     }
 }

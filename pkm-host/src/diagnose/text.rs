@@ -43,6 +43,9 @@ pub fn error_of(place: &str, law: &str) -> String {
 
 /// Where to look on the machine when an effect is found; an effect without a formula has its place alone.
 pub fn inspect_effect(id: &str, at: &str) -> String {
+    if id == super::ELEMENT && at == "geometry" {
+        return "sizes, joint axes, and the zeros of θ, σ and Z0 (the homing of the drives)".to_owned();
+    }
     if id == super::ELEMENT {
         return place(at);
     }

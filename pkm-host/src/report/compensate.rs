@@ -178,13 +178,16 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
     let text = format!(
         "The load takes the tip {before:.1} µm from its path at most; with the new commands {after:.4} µm are left"
     );
-    let mut all = vec![match (track.load_off.count > 0, track.u95.count > 0) {
-        (true, _) => Finding::good(format!(
-            "{text} of the stated load, and up to {:.2} µm if that is off by its uncertainty.",
+    let with_load_off = match track.load_off.count {
+        0 => String::new(),
+        _ => format!(
+            " under the stated load, and up to {:.2} µm if that is off by its uncertainty",
             track.load_off.max * 1e6
-        )),
-        (false, true) => Finding::good(format!("{text}.")),
-        (false, false) => Finding::warning(format!("{text} by this model, and nothing says how far that is off.")),
+        ),
+    };
+    let mut all = vec![match track.u95.count {
+        0 => Finding::warning(format!("{text}{with_load_off}, by this model: nothing says how far that is off.")),
+        _ => Finding::good(format!("{text}{with_load_off}.")),
     }];
     // what is more is among the warnings
     if track.halfway.count > 0 && far_apart(track).is_none() {

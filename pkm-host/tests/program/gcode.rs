@@ -229,7 +229,7 @@ fn block_delete_leaves_lines_out_or_makes_them() {
     );
     let made = folder.read("out.ngc");
     let (head, lines) = made.split_once("\nG21").unwrap();
-    assert!(head.ends_with("2 lines with / were carried out, and stand here without it)"), "{made}");
+    assert!(head.ends_with("lines with /: 2 carried out, and written without it)"), "{made}");
     assert!(lines.contains("\nG1 F100 X") && lines.contains("\nM8\n") && !lines.contains('/'), "{made}");
     let left_out = json(&[&args[..], &["--block-delete"]].concat());
     // the cut that is left has no F then

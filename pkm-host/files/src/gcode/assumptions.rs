@@ -57,7 +57,12 @@ impl Assumptions {
         if self.is_exact {
             self.exact_cuts.add(number);
         }
-        if modal.feed_mode != FeedMode::InverseTime && modal.feed_a_minute().is_none() {
+        let has_feed = match modal.feed_mode {
+            FeedMode::OfAMinute => modal.feed_per_min.is_some(),
+            FeedMode::OfATurn => modal.feed_per_turn.is_some(),
+            FeedMode::InverseTime => true,
+        };
+        if !has_feed {
             self.cuts_without_feed.add(number);
         }
     }

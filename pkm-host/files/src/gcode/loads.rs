@@ -93,8 +93,11 @@ fn given(comment: &str) -> Result<Option<Wrench<f64>>, Refusal> {
 
 /// Whether a comment looks like a force and is none as [`given`] reads it: `(F100 -50 -200)`, `(F=10,0,-20)`, `(F 10 0 -20 N)`.
 pub(super) fn is_nearly_load(comment: &str) -> bool {
-    let Some(rest) = inner(comment).strip_prefix(['F', 'f']) else { return false };
     let separators = |c: char| c.is_whitespace() || ",;=:".contains(c);
+    let rest = inner(comment).strip_prefix(['F', 'f']).map(|rest| rest.trim_start_matches(separators));
+    // a word, such as (FACE MILL 50 4), is a note
+    let begins = |rest: &&str| rest.starts_with(|c: char| c.is_ascii_digit() || "+-.".contains(c));
+    let Some(rest) = rest.filter(begins) else { return false };
     let numbers = rest.split(separators).filter(|word| word.parse::<f64>().is_ok()).count();
     numbers > 1 && given(comment).is_ok_and(|load| load.is_none())
 }

@@ -76,8 +76,10 @@ fn change(blocks: &Blocks<'_>) -> Option<usize> {
     let together = all.ln_evidence()?;
     let mut before = Sums::none(declared.len());
     let mut best: Option<(usize, f64)> = None;
-    for (pose, own) in of_pose.iter().enumerate() {
-        if pose >= MIN_POSES && pose + MIN_POSES <= poses {
+    // those that were left out have no readings
+    let read: Vec<(usize, &Sums)> = of_pose.iter().enumerate().filter(|(_, own)| own.squares > 0.0).collect();
+    for (n, (pose, own)) in read.iter().copied().enumerate() {
+        if n >= MIN_POSES && n + MIN_POSES <= read.len() {
             let gain = before.ln_evidence()? + all.plus(&before, -1.0).ln_evidence()? - together;
             if best.is_none_or(|best| gain > best.1) {
                 best = Some((pose, gain));
@@ -88,9 +90,9 @@ fn change(blocks: &Blocks<'_>) -> Option<usize> {
     best.filter(|best| best.1 > MIN_GAIN).map(|best| best.0)
 }
 
-/// A column of the poses from one on alone.
-fn from_on(term: Term, from: usize, blocks: &Blocks<'_>) -> Term {
-    match term {
+/// A column of the poses from one on alone; none of a term that acts otherwise than by pose.
+fn from_on(term: Term, from: usize, blocks: &Blocks<'_>) -> Option<Term> {
+    Some(match term {
         Term::Elastic(e) => {
             let after = e.iter().enumerate().map(|(pose, e)| if pose < from { M8::zeros() } else { *e });
             Term::Elastic(Arc::new(after.collect()))
@@ -103,8 +105,8 @@ fn from_on(term: Term, from: usize, blocks: &Blocks<'_>) -> Term {
             let entries = blocks.problem.whitener.entries.iter().zip(values.iter());
             Term::Entry(Arc::new(entries.map(|(e, v)| if pose_of(e) < from { 0.0 } else { *v }).collect()))
         }
-        other => other,
-    }
+        _ => return None,
+    })
 }
 
 /// A change that is looked at: the pose from which on, and its blocks.
@@ -116,10 +118,9 @@ pub struct Step {
 /// Adds all of them, if there is such a pose.
 pub fn add(blocks: &mut Blocks<'_>) -> Option<Step> {
     let (from, first) = (change(blocks)?, blocks.list.len());
-    let poses = blocks.frames.len() - 2 * MIN_POSES + 1;
-    let ln_prior = LN_PRIOR_OF_ODDITIES - (poses as f64).ln();
+    let ln_prior = LN_PRIOR_OF_ODDITIES - (blocks.frames.len() as f64).ln();
     for (places, motion, terms) in [of_measurement(blocks), of_machine(blocks)].concat() {
-        let terms = terms.into_iter().map(|term| from_on(term, from, blocks)).collect();
+        let terms = terms.into_iter().filter_map(|term| from_on(term, from, blocks)).collect();
         blocks.add_with(&places, motion, "time", terms, 0, ln_prior);
     }
     Some(Step { from, blocks: first..blocks.list.len() })
