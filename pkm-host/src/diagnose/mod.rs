@@ -49,6 +49,7 @@ mod ways;
 mod within_series;
 pub(crate) mod write;
 
+use pkm_diagnosis::places::Inferred;
 use pkm_diagnosis::residuals::{Residuals, Structure};
 use pkm_diagnosis::verdict::{self, Judgement};
 use pkm_diagnosis::{Noise, NoiseSource, Observations, Search, search};
@@ -67,6 +68,7 @@ use self::held_out::Judges;
 use self::inference::{Found, Start};
 use self::left_out::LeftOut;
 use self::model::{Model, Recorded};
+use self::places::World;
 use self::prepared::{Prepared, check_units};
 pub use self::warning::{Warning, WarningKind};
 use crate::error::{Failure, Result};
@@ -237,6 +239,18 @@ impl Diagnosis {
     }
 }
 
+/// Adds to the class of each effect laws of another kind that are nearly as likely at its place, and says whether there are any.
+fn add_rivals_of_laws(effects: &mut [Effect], inferred: Option<&(World, Inferred)>, rules: &Rules) -> bool {
+    let Some((world, inferred)) = inferred else { return false };
+    let mut is_law_open = false;
+    for effect in effects.iter_mut().filter(|e| e.is_located() && !e.is_measurement()) {
+        let rivals = effect.rivals_of_law(world, inferred, rules);
+        is_law_open |= !rivals.is_empty();
+        effect.class.extend(rivals);
+    }
+    is_law_open
+}
+
 /// Of every number that was read.
 fn standard_deviations(noise: &Noise, given: &Observations) -> Vec<[f64; CHANNELS]> {
     let of_reading = |n| std::array::from_fn(|c| noise.variance_of(given, n, c).sqrt());
@@ -288,12 +302,7 @@ impl Searched<'_> {
         let sites = &inference::borne_out(sites, &search, judgement.after.p > rules.max_misfit_p, rules);
         let search = inference::settled(levels, its_noise, sites, search).ok_or_else(not_converged)?;
         let mut effects = effects(model, &search, sites);
-        let mut is_law_open = false;
-        for effect in effects.iter_mut().filter(|e| e.is_located() && !e.is_measurement()) {
-            let rivals = inferred.map_or(Vec::new(), |(world, inferred)| effect.rivals_of_law(world, inferred, rules));
-            is_law_open |= !rivals.is_empty();
-            effect.class.extend(rivals);
-        }
+        let is_law_open = add_rivals_of_laws(&mut effects, inferred, rules);
         judgement.verdict = restrained(judgement.verdict, &effects, is_law_open, noise, rules);
         let (problem, extent) = (&levels.problems[search.levels[1]], compare::extent(readings));
         step(2, "before and after");
