@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use pkm_diagnosis::ForwardModel;
-use pkm_diagnosis::places::Finding;
+use pkm_diagnosis::places::{Finding, Rival};
 use serde_json::{Value, json};
 
 use crate::diagnosis::Diagnosis;
@@ -39,10 +39,10 @@ fn run_text(diagnosis: &Diagnosis) -> String {
     }
     let text = |f: &Finding| {
         let places: Vec<String> = f
-            .places
+            .rivals
             .iter()
             .take(1 + MAX_RIVALS)
-            .map(|(places, p)| format!("{} {:.1} %", places.join(" and "), 100.0 * p))
+            .map(|r| format!("{} {:.1} %", r.places.join(" and "), 100.0 * r.probability))
             .collect();
         let head = if named(f).is_some() { "named" } else { "not decided" };
         format!("{head}: {}\n    likeliest: {}", places.join(", "), finding_text(diagnosis, f))
@@ -166,6 +166,7 @@ fn hidden(diagnosis: &Diagnosis) -> Vec<String> {
 }
 
 fn diagnosis_json(diagnosis: &Diagnosis) -> Value {
+    let place = |r: &Rival| json!({ "place": r.places.join(" and "), "probability": r.probability });
     let findings = diagnosis.inferred.findings.iter().map(|f| {
         let (scale, unit) = unit(effect(f.block));
         let value = diagnosis.after.value(&diagnosis.model, amplitude(f.block));
@@ -173,7 +174,7 @@ fn diagnosis_json(diagnosis: &Diagnosis) -> Value {
             "named": named(f),
             "candidate": diagnosis.model.candidates()[f.block].name(),
             "ln_gain": f.gain,
-            "places": f.places.iter().map(|(places, p)| json!({ "place": places.join(" and "), "probability": p })).collect::<Vec<_>>(),
+            "places": f.rivals.iter().map(place).collect::<Vec<_>>(),
             "amplitude": value.map(|v| scale * v.0),
             "standard_error": value.map(|v| scale * v.1),
             "unit": unit,

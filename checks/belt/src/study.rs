@@ -124,7 +124,8 @@ impl Study {
 
 /// The place that a finding names, if it is likely enough.
 pub fn named(finding: &Finding) -> Option<&str> {
-    finding.places.first().filter(|p| p.1 >= NAMED_PROBABILITY).and_then(|p| p.0.first()).map(String::as_str)
+    let likeliest = finding.rivals.first().filter(|r| r.probability >= NAMED_PROBABILITY)?;
+    likeliest.places.first().map(String::as_str)
 }
 
 /// Errors of a machine on runs that had no part in it.

@@ -65,6 +65,17 @@ pub trait AtState: Sync {
     fn block(&self, block: usize) -> Option<DMatrix<f64>>;
 }
 
+/// A block that may be what was found.
+#[derive(Clone, Debug)]
+pub struct Rival {
+    /// Which.
+    pub block: usize,
+    /// Where it is, [`NOWHERE`] if it has no place.
+    pub places: Vec<String>,
+    /// That it is the one.
+    pub probability: f64,
+}
+
 /// A finding.
 #[derive(Clone, Debug)]
 pub struct Finding {
@@ -72,9 +83,9 @@ pub struct Finding {
     pub block: usize,
     /// Gain in ln evidence over the set without it.
     pub gain: f64,
-    /// Places, or several that act alike, with their probabilities, given the other findings; the likeliest first. What they lack of 1 is
-    /// that nothing is there.
-    pub places: Vec<(Vec<String>, f64)>,
+    /// What could stand there, one block a place or places that act alike, given the other findings; the likeliest first. What their
+    /// probabilities lack of 1 is that nothing is there.
+    pub rivals: Vec<Rival>,
     /// What differences of ln evidence were divided by for these probabilities.
     pub temper: f64,
     /// What it may do to the readings: whitened columns of one prior standard deviation.

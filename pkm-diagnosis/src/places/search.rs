@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::evidence::{Evidence, Family, Linear, Set};
-use super::{Finding, Inferred, PlaceModel, State, low_rank};
+use super::{Finding, Inferred, PlaceModel, Rival, State, low_rank};
 use crate::levels::Levels;
 use crate::noise::{Noise, NoiseSource};
 
@@ -205,18 +205,23 @@ impl Search<'_> {
         let tempered = |ln: f64| ((ln - top) / temper).exp();
         // that nothing is there is a rival without a place
         let total: f64 = rivals.iter().map(|r| r.1.ln).chain(without).map(tempered).sum();
-        let mut places: Vec<(Vec<String>, f64)> =
-            rivals.iter().map(|(f, tried)| (self.places(*f), tempered(tried.ln) / total)).collect();
-        places.sort_by(|a, b| b.1.total_cmp(&a.1));
+        let block_of = |family: usize| self.evidence.families[family].block;
+        let rival = |(family, tried): &(usize, Tried)| Rival {
+            block: block_of(*family),
+            places: self.places(*family),
+            probability: tempered(tried.ln) / total,
+        };
+        let mut all: Vec<Rival> = rivals.iter().map(rival).collect();
+        all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         let (likeliest, state) = rivals
             .iter()
             .max_by(|a, b| a.1.ln.total_cmp(&b.1.ln))
             .map_or((own, &self.best.state), |(family, tried)| (*family, &tried.state));
-        let block = self.evidence.families[likeliest].block;
+        let block = block_of(likeliest);
         let of_block = |(b, amplitudes): (usize, Vec<f64>)| (b == block).then_some(amplitudes);
         let amplitudes = self.evidence.of_blocks(state).blocks.into_iter().find_map(of_block).unwrap_or_default();
         let columns = self.linear.columns_of(own)? * self.best.set.members[at].1;
-        Some(Finding { block, gain, places, temper, columns, amplitudes })
+        Some(Finding { block, gain, rivals: all, temper, columns, amplitudes })
     }
 
     fn result(mut self) -> Option<Inferred> {

@@ -1,7 +1,7 @@
 //! Places inferred by blocks, on the chain of springs: what yields there follows no formula that any block has.
 
 use nalgebra::{DMatrix, DVector};
-use pkm_diagnosis::places::{AtState, Block, Inferred, NOWHERE, PlaceModel, State, infer};
+use pkm_diagnosis::places::{AtState, Block, Inferred, NOWHERE, PlaceModel, Rival, State, infer};
 use pkm_diagnosis::{Flaw, Levels, Noise, Observations, Problem, Reading, Rules, Unknown, Whitener, levels};
 
 use crate::spring_chain::{COMPLIANCE, Chain, chain, read};
@@ -176,8 +176,8 @@ fn a_place_is_found_whatever_its_formula() {
     for seed in 0..10 {
         let found = inferred(&chain, &with(&chain, seed, |q, f| 0.6 * COMPLIANCE * f * q[0].powf(2.5)));
         assert_eq!(found.findings.len(), 1, "seed {seed}: {:?}", found.findings);
-        let (place, probability) = &found.findings[0].places[0];
-        assert_eq!(place, &["spring 1"], "seed {seed}");
+        let Rival { places, probability, .. } = &found.findings[0].rivals[0];
+        assert_eq!(places, &["spring 1"], "seed {seed}");
         assert!(*probability > 0.95, "seed {seed}: {probability}");
         let total: f64 = found.alternatives.iter().map(|a| a.1).sum();
         assert!(total <= 1.0 + 1e-12 && total > 0.9, "seed {seed}: {total}");
@@ -188,7 +188,7 @@ fn a_place_is_found_whatever_its_formula() {
 fn what_goes_with_no_place_is_said_to_be_nowhere() {
     let chain = chain();
     let found = inferred(&chain, &with(&chain, 5, |_, f| 0.3 * COMPLIANCE * f.abs()));
-    assert_eq!(found.findings[0].places[0].0, [NOWHERE]);
+    assert_eq!(found.findings[0].rivals[0].places, [NOWHERE]);
     assert!(found.none_of_these > 0.95, "{}", found.none_of_these);
 }
 
@@ -201,7 +201,7 @@ fn springs_are_identified_beside_disturbances() {
         let (_, [clean, _]) = inferred_and_fitted(&chain, &read(&chain, &[], seed));
         let disturbed = with(&chain, seed, |_, f| 0.1 * COMPLIANCE * f * f.abs() / 100.0);
         let (found, fitted) = inferred_and_fitted(&chain, &disturbed);
-        assert_eq!(found.findings[0].places[0].0, [NOWHERE], "seed {seed}");
+        assert_eq!(found.findings[0].rivals[0].places, [NOWHERE], "seed {seed}");
         without += (&fitted[0] - &clean).norm() / 5.0;
         beside += (&fitted[1] - &clean).norm() / 5.0;
     }

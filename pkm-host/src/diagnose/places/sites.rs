@@ -2,7 +2,7 @@
 
 use nalgebra::DMatrix;
 use pkm_core::effects::Place;
-use pkm_diagnosis::places::{Inferred, NOWHERE};
+use pkm_diagnosis::places::{Inferred, NOWHERE, Rival};
 use pkm_diagnosis::{Kind, Rules, Search};
 
 use super::ties::TIED;
@@ -70,13 +70,11 @@ pub fn family(law: &str) -> &str {
     }
 }
 
-/// Places, or several that act alike, with their probabilities.
-type Rivals = [(Vec<String>, f64)];
-
 /// Probability of what is at one of some places at least, and at none of others.
-fn probability_of(rivals: &Rivals, some: &[String], others: &[String]) -> f64 {
+fn probability_of(rivals: &[Rival], some: &[String], others: &[String]) -> f64 {
     let is_there = |names: &[String], among: &[String]| names.iter().any(|place| among.contains(place));
-    rivals.iter().filter(|(names, _)| is_there(names, some) && !is_there(names, others)).map(|r| r.1).sum()
+    let is_one = |r: &&Rival| is_there(&r.places, some) && !is_there(&r.places, others);
+    rivals.iter().filter(is_one).map(|r| r.probability).sum()
 }
 
 /// What holds a limb's joint, and where it does yields with it: no deflection at the tool tells a joint from its seat.
@@ -91,7 +89,7 @@ pub fn seat(place: &str) -> Option<String> {
 
 /// The places that a finding names.
 struct Named<'a> {
-    rivals: &'a Rivals,
+    rivals: &'a [Rival],
     names: Vec<String>,
 }
 
@@ -115,7 +113,7 @@ impl Named<'_> {
 /// The places that a finding names, `1 + MAX_CLASS` at the most: its block's own two, of several limbs the likeliest, and its seat; those that
 /// hold most of what is at none of these; the seats of these; what else is likely. What so few do not hold is not located: then all are named
 /// that it takes.
-fn named_places(own: &[String], rivals: &Rivals, rules: &Rules) -> Vec<String> {
+fn named_places(own: &[String], rivals: &[Rival], rules: &Rules) -> Vec<String> {
     let mut named = Named { rivals, names: Vec::new() };
     if own.first().is_some_and(|place| is_of_limb(place)) {
         named.add(named.likeliest(own, &[]).map(|l| l.0));
@@ -126,7 +124,7 @@ fn named_places(own: &[String], rivals: &Rivals, rules: &Rules) -> Vec<String> {
     if let [only] = own {
         named.add(seat(only));
     }
-    let mut places: Vec<String> = rivals.iter().flat_map(|r| r.0.clone()).collect();
+    let mut places: Vec<String> = rivals.iter().flat_map(|r| r.places.clone()).collect();
     let share = |place: &String| probability_of(rivals, std::slice::from_ref(place), &[]);
     places.sort_by(|a, b| share(b).total_cmp(&share(a)));
     places.dedup();
@@ -151,14 +149,13 @@ fn named_places(own: &[String], rivals: &Rivals, rules: &Rules) -> Vec<String> {
 pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -> Vec<Site> {
     let of = |f: &pkm_diagnosis::places::Finding| {
         let block = world.block(f.block);
-        let all = named_places(&block.places, &f.places, rules);
+        let all = named_places(&block.places, &f.rivals, rules);
         // formulas where evidence itself puts it: these become the model, and no place that is merely possible may
-        let top = f.places.first().map_or(1.0, |p| p.1);
+        let top = f.rivals.first().map_or(1.0, |r| r.probability);
         let is_near = |place: &String| {
-            let share = |p: &(Vec<String>, f64)| (p.1 / top).powf(f.temper);
-            let is_likely =
-                |p: &(Vec<String>, f64)| p.0.first() == Some(place) && share(p) >= rules.min_place_probability;
-            block.places.contains(place) || f.places.iter().any(is_likely)
+            let share = |r: &Rival| (r.probability / top).powf(f.temper);
+            let is_likely = |r: &Rival| r.places.first() == Some(place) && share(r) >= rules.min_place_probability;
+            block.places.contains(place) || f.rivals.iter().any(is_likely)
         };
         let is_there = |c: &usize| {
             let w = named::place_of(model, *c);
@@ -169,7 +166,7 @@ pub fn sites(world: &World, inferred: &Inferred, model: &Model, rules: &Rules) -
         let candidates = (0..model.candidates.len()).filter(is_there).collect();
         Site {
             place: all.first().cloned().unwrap_or_else(|| NOWHERE.into()),
-            probability: probability_of(&f.places, &all, &[]),
+            probability: probability_of(&f.rivals, &all, &[]),
             motion: block.motion,
             law: block.law,
             candidates,
@@ -234,8 +231,9 @@ mod tests {
     fn named(own: &[&str], places: &[(&str, f64)]) -> Vec<String> {
         let list = |names: &str| names.split('+').map(str::to_owned).collect::<Vec<String>>();
         let own: Vec<String> = own.iter().map(|p| (*p).to_owned()).collect();
-        let places: Vec<(Vec<String>, f64)> = places.iter().map(|(names, share)| (list(names), *share)).collect();
-        named_places(&own, &places, &Rules::DEFAULT)
+        let rival = |(names, share): &(&str, f64)| Rival { block: 0, places: list(names), probability: *share };
+        let rivals: Vec<Rival> = places.iter().map(rival).collect();
+        named_places(&own, &rivals, &Rules::DEFAULT)
     }
 
     #[test]

@@ -419,7 +419,7 @@ mod tests {
     fn with_elements(world: &World, model: &Model, block: usize, amplitudes: &[f64]) -> Machine<f64> {
         let (columns, amplitudes) = (DMatrix::zeros(0, 0), amplitudes.to_vec());
         let family = world
-            .elements(&Finding { block, gain: 0.0, places: Vec::new(), temper: 1.0, columns, amplitudes })
+            .elements(&Finding { block, gain: 0.0, rivals: Vec::new(), temper: 1.0, columns, amplitudes })
             .remove(0);
         let mut softer = model.declared;
         for (parameter, start) in family.parameters.iter().zip(&family.start) {
