@@ -53,7 +53,7 @@ struct Scatter {
 }
 
 /// What a sum of squares is divided by so that 1/variance is right on average.
-fn reduced(freedom: f64) -> f64 {
+pub(crate) fn reduced(freedom: f64) -> f64 {
     if freedom > 4.0 { freedom - 2.0 } else { freedom }
 }
 

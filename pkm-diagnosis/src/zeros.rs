@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::{DMatrix, DVector};
 
-use crate::noise::{Noise, NoiseSource};
+use crate::noise::{Noise, NoiseSource, reduced};
 use crate::observations::Observations;
 use crate::rules::Rules;
 
@@ -30,8 +30,7 @@ impl Zeros {
 
     /// Variance of a zero, that of a reading given. Divided as sums of squares of repeats are.
     fn variance(self, of_reading: f64) -> f64 {
-        let freedom = if self.count > 4.0 { self.count - 2.0 } else { self.count };
-        ((self.squares - of_reading * self.factors) / freedom).max(0.0)
+        ((self.squares - of_reading * self.factors) / reduced(self.count)).max(0.0)
     }
 }
 

@@ -17,7 +17,7 @@ use super::source::Source;
 use super::toml_error::{line_at, parsed};
 use super::wrist::{wrist_left_out, wrist_parameters};
 use crate::error::{Failure, Result, printable};
-use crate::pose::{MAX_RADIANS, PoseBox, pose_of, tidy};
+use crate::pose::{MAX_RADIANS, PoseBox, tidy};
 
 pub use super::machine_raw::Uncertainty;
 
@@ -237,7 +237,7 @@ impl MachineFile {
 /// A warning where the machine cannot stand in the middle of its box, which is taken for its home.
 fn box_out_of_reach(file: &str, machine: &Machine<f64>, pose_box: &PoseBox) -> Option<String> {
     let [theta, sigma, z0] = pose_box.middle();
-    let error = machine.inverse(&pose_of(theta, sigma, z0)).err()?;
+    let error = machine.inverse(&pose_box.middle_pose()).err()?;
     Some(format!(
         "{file}: box: its middle, {theta}°, {sigma}°, {z0} mm, is out of reach ({error}): is it in degrees and mm, and of this machine?"
     ))

@@ -17,7 +17,7 @@ use super::solid::RawSolid;
 use super::toml_error::{Numbers, float, is_near, place_of};
 use super::wrist::{RawWrist, wrist_numbers};
 use crate::error::clipped;
-use crate::pose::{PoseBox, pose_of};
+use crate::pose::PoseBox;
 
 /// Standard deviations, as the machine file declares them.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -432,8 +432,7 @@ pub(super) fn check_ranges(raw: &RawMachine) -> std::result::Result<(), Misplace
 /// Whether the middle of the box, or any lengths of a grid over travel, close to a posture.
 fn can_assemble(machine: &Machine<f64>, travel: &Travel, pose_box: &PoseBox) -> bool {
     const STEPS: usize = 16;
-    let [theta, sigma, z0] = pose_box.middle();
-    if machine.inverse(&pose_of(theta, sigma, z0)).is_ok() {
+    if machine.inverse(&pose_box.middle_pose()).is_ok() {
         return true;
     }
     let length = |limb: usize, step: usize| {

@@ -120,6 +120,12 @@ impl PoseBox {
         self.ranges().map(|[low, high]| (low + high) / 2.0)
     }
 
+    /// The pose in the middle.
+    pub fn middle_pose(&self) -> Pose<f64> {
+        let [theta_deg, sigma_deg, z0_mm] = self.middle();
+        pose_of(theta_deg, sigma_deg, z0_mm)
+    }
+
     /// Half widths; 1 for what does not vary, so that it can be divided by.
     pub fn half_widths(&self) -> [f64; 3] {
         self.ranges().map(|[low, high]| if high > low { (high - low) / 2.0 } else { 1.0 })

@@ -125,7 +125,7 @@ pub struct Quantity {
     /// How far it differs from the declared value: `as_declared` within its expanded uncertainty, `within_declared_uncertainty`, else
     /// `softer` or `stiffer`; `not_determined` where it is neither of these and the readings hardly tell more than what is declared.
     pub state: String,
-    /// Covariance of ln of it with the declared values, by the order of `condition_shared` and in units of their priors: two
+    /// Covariance of ln of it with the declared values, by the order of `shared_with` and in units of their priors: two
     /// diagnoses of one machine have these errors in common.
     pub shared: Vec<f64>,
 }
@@ -141,7 +141,7 @@ impl Quantity {
         self.state != "not_determined"
     }
 
-    /// As `limb 1, drive, joints and body along its axis: 8.1 % softer than declared (± 1.2 %)`.
+    /// As `limb 1 along its axis, drive, joints and body: 8.1 % softer than declared (± 1.2 %)`.
     pub fn text(&self) -> String {
         let percent = |ln: f64| 100.0 * ln.exp_m1();
         let change = percent(self.change());

@@ -13,7 +13,6 @@ use crate::files::measured;
 use crate::files::source::{self, Source};
 use crate::page::of_file;
 use crate::plan::model::{Form, no_factor_form};
-use crate::pose::pose_of;
 use crate::replay::{self, Ask};
 use crate::report::replay as report;
 
@@ -61,9 +60,7 @@ pub(crate) fn run(args: &Args, session: &mut Session) -> Result<Output> {
             (file.name.clone(), Learn::parse(&file)?)
         }
         None => {
-            let [theta_deg, sigma_deg, z0_mm] = model.machine.pose_box.middle();
-            let middle = pose_of(theta_deg, sigma_deg, z0_mm);
-            let drives = Learn::drives(&model.machine.machine, &middle);
+            let drives = Learn::drives(&model.machine.machine, &model.machine.pose_box.middle_pose());
             let failed = |e| Failure::input(format!("no compliance of the drives in the middle of the box: {e}"));
             (model.machine.source.name.clone(), drives.map_err(|e| failed(e).in_file(&model.machine.source.name))?)
         }

@@ -1,7 +1,8 @@
 //! What speaks against the readings themselves: a frame, sign, point or unit other than the file's, a series that cannot be
 //! one, single readings that stand out.
 
-use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{DVector, Matrix3, Vector3};
 use pkm_diagnosis::places::Inferred;
@@ -19,6 +20,7 @@ use super::reading_rules::{MAX_ALIKE_RATIO, MAX_LEFT_WITH_LEVER, MAX_LEVER_M, MI
 use super::warning::{Warning, WarningKind};
 use super::ways::{self, other_ways};
 use crate::files::dataset::READ_COLUMNS;
+use crate::files::pose::NamedPose;
 use crate::files::readings::{CHANNELS, Readings};
 
 /// Residuals over their noise from which on another way to take the readings does not fit well either.
@@ -145,13 +147,9 @@ pub fn taken_otherwise(
 /// What the file itself gives away: series and names of poses that stand at several poses.
 pub fn of_file(readings: &Readings) -> Vec<Warning> {
     let mut warnings = Vec::new();
-    let mut poses_of: BTreeMap<usize, Vec<usize>> = BTreeMap::new();
+    let mut poses_of: BTreeMap<usize, BTreeSet<usize>> = BTreeMap::new();
     for r in readings.readings.iter().filter(|r| !readings.series_names[r.series].is_empty()) {
-        let poses = poses_of.entry(r.series).or_default();
-        let pose = readings.conditions[r.condition].pose;
-        if !poses.contains(&pose) {
-            poses.push(pose);
-        }
+        poses_of.entry(r.series).or_default().insert(readings.conditions[r.condition].pose);
     }
     let wide: Vec<_> = poses_of.iter().filter(|(_, poses)| poses.len() > 1).collect();
     if let Some((series, poses)) = wide.first() {
@@ -163,9 +161,14 @@ pub fn of_file(readings: &Readings) -> Vec<Warning> {
                 poses.len()
             )));
     }
-    let twice = (readings.poses.iter().enumerate())
-        .filter_map(|(n, p)| Some((readings.poses[..n].iter().find(|o| o.id == p.id && !p.id.is_empty())?, p)));
-    let twice: Vec<_> = twice.collect();
+    let mut firsts: BTreeMap<&str, &NamedPose> = BTreeMap::new();
+    let mut twice = Vec::new();
+    for pose in readings.poses.iter().filter(|pose| !pose.id.is_empty()) {
+        match firsts.entry(&pose.id) {
+            Entry::Occupied(first) => twice.push((*first.get(), pose)),
+            Entry::Vacant(free) => _ = free.insert(pose),
+        }
+    }
     if let Some((first, other)) = twice.first() {
         let more = if twice.len() > 1 { format!(" (and {} more)", twice.len() - 1) } else { String::new() };
         warnings.push(Warning::new(WarningKind::PoseNameAtSeveralPositions, format!(

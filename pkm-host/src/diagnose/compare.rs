@@ -230,7 +230,7 @@ pub fn zones(measured: &Readings, held_out: &Readings) -> Vec<Zone> {
     let extent = extent(measured);
     let components = |c: &Condition| <[f64; 6]>::from(c.wrench.to_vector());
     let loads: Vec<[f64; 6]> = measured.conditions.iter().map(components).collect();
-    // a load is like a measured one when each component is: its own size, a zero, or a size between
+    // a load is like a measured one along it, between zero and its own size
     let known = |w: [f64; 6]| {
         loads.iter().any(|l| {
             let size = |v: &[f64; 6]| v.iter().map(|x| x * x).sum::<f64>().sqrt();

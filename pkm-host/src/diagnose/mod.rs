@@ -75,7 +75,6 @@ use crate::error::{Failure, Result};
 use crate::files::machine::MachineFile;
 use crate::files::readings::{CHANNELS, Readings};
 use crate::files::table_numbers::UncertaintyNumbers;
-use crate::pose::pose_of;
 use crate::progress::Progress;
 
 /// The model after one of the finds.
@@ -257,12 +256,6 @@ fn standard_deviations(noise: &Noise, given: &Observations) -> Vec<[f64; CHANNEL
     (0..given.readings.len()).map(of_reading).collect()
 }
 
-/// Where the machine's stiffness is given.
-fn middle(file: &MachineFile) -> pkm_core::Pose<f64> {
-    let [theta_deg, sigma_deg, z0_mm] = file.pose_box.middle();
-    pose_of(theta_deg, sigma_deg, z0_mm)
-}
-
 /// A verdict that claims no more than what was found and what is known of the noise bear out.
 fn restrained(verdict: Verdict, effects: &[Effect], is_law_open: bool, noise: &Noise, rules: &Rules) -> Verdict {
     // something yields for which there is no formula, or not for all that it does, so that the findings are not all
@@ -349,7 +342,7 @@ impl Searched<'_> {
             single_poses: readings.poses.len() <= rules.max_single_poses,
             structure,
             machine: model.state(&search.fit.unknowns, search.fit.x.as_slice(), false).machine,
-            estimates: Estimates::new(model, &search.fit, noise, middle(file)),
+            estimates: Estimates::new(model, &search.fit, noise, file.pose_box.middle_pose()),
             load_error: levels.load_error(search.levels[1]),
             noise: noise.clone(),
             coarse: checks_of_noise::coarse(read, noise),

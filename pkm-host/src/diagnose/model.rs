@@ -152,9 +152,7 @@ pub struct Model {
 
 /// The machine's own compliance in the middle of its box.
 fn usual(file: &MachineFile) -> Option<Usual> {
-    let [theta, sigma, z0] = file.pose_box.middle();
-    let pose = crate::pose::pose_of(theta, sigma, z0);
-    let own: [f64; 6] = compliance(&file.machine, &pose)?.diagonal().into();
+    let own: [f64; 6] = compliance(&file.machine, &file.pose_box.middle_pose())?.diagonal().into();
     let travel = &file.parameters.travel;
     let (short, long) = (travel.min_m[0], travel.max_m[0]);
     // three limbs share a load along w, and bend side by side along u

@@ -123,7 +123,7 @@ fn check(readings: &Readings, problem: &Problem<'_>, experiment: &Experiment<'_>
     check_units(readings, &found, problem.rules)
 }
 
-/// Refuses readings of another unit: the model is never wrong by a factor of 100. `found` is what the declared machine gives, by condition.
+/// Refuses readings of another unit: see [`Rules::max_log10_scale`]. `found` is what the declared machine gives, by condition.
 pub fn check_units(readings: &Readings, found: &[[f64; CHANNELS]], rules: &Rules) -> Result<()> {
     let mut logs = [Vec::new(), Vec::new()];
     for r in &readings.readings {

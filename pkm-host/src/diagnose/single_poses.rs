@@ -119,15 +119,20 @@ impl<'a> ByPose<'a> {
         Some(Self { readings, model, noise, rules, all })
     }
 
-    /// How far some poses move the stiffnesses, as their uncertainty lets them.
-    fn step(&self, is_kept: impl Fn(usize) -> bool) -> Option<DVector<f64>> {
+    /// JᵀJ and Jᵀr of all poses but those that are out, and of the stiffnesses' prior.
+    fn sums(&self, out: &[usize]) -> Option<(DMatrix<f64>, DVector<f64>)> {
         let unknowns = self.all.first()?.1.along.len();
         let (mut information, mut along) = (DMatrix::identity(unknowns, unknowns), DVector::zeros(unknowns));
-        for (_, linear) in self.all.iter().filter(|(pose, _)| is_kept(*pose)) {
+        for (_, linear) in self.all.iter().filter(|(pose, _)| !out.contains(pose)) {
             information += &linear.information;
             along += &linear.along;
         }
-        let step = information.cholesky()?.solve(&along);
+        Some((information, along))
+    }
+
+    /// How far some poses move the stiffnesses, as their uncertainty lets them.
+    fn step(&self, information: DMatrix<f64>, along: &DVector<f64>) -> Option<DVector<f64>> {
+        let step = information.cholesky()?.solve(along);
         let share = self.model.share_of_step(&step);
         Some(step * share)
     }
@@ -135,8 +140,13 @@ impl<'a> ByPose<'a> {
     /// Poses of which more is left than is usual by a factor, with what is left, and what is usual: each by stiffnesses of the others,
     /// but for those that are out.
     fn beyond(&self, ratio: f64, out: &[usize]) -> Option<(Vec<(usize, f64)>, f64)> {
+        let (information, along) = self.sums(out)?;
         let left = |(pose, linear): &(usize, Linear)| {
-            let of_others = self.step(|other| other != *pose && !out.contains(&other))?;
+            let of_others = if out.contains(pose) {
+                self.step(information.clone(), &along)?
+            } else {
+                self.step(&information - &linear.information, &(&along - &linear.along))?
+            };
             Some((*pose, linear.left(&of_others)))
         };
         let mut left: Vec<(usize, f64)> = self.all.iter().filter_map(left).collect();
@@ -152,7 +162,8 @@ impl<'a> ByPose<'a> {
         let out: Vec<usize> = self.beyond(ratio, &[])?.0.into_iter().map(|(pose, _)| pose).collect();
         let (found, usual) = self.beyond(ratio, &out)?;
         let poses: Vec<usize> = found.iter().map(|(pose, _)| *pose).collect();
-        let of_others = self.step(|pose| !poses.contains(&pose))?;
+        let (information, along) = self.sums(&poses)?;
+        let of_others = self.step(information, &along)?;
         let mut all: Vec<TakenOtherwise> = Vec::new();
         for (pose, said) in found {
             let Some((how, rest)) = self.as_others(pose, &poses, &of_others, [said, usual], tip_m) else { continue };

@@ -117,6 +117,7 @@ pub fn residuals_csv(readings: &Readings, diagnosis: &Diagnosis) -> String {
 /// Every reading with what the model says of it as declared and as identified, to the nanometre and the nanoradian.
 pub fn shown_readings(readings: &Readings, diagnosis: &Diagnosis) -> Vec<ShownReading> {
     let micro = |v: f64| (v * 1e9).round() / 1e3;
+    let left_out: HashSet<usize> = diagnosis.left_out.iter().map(|(n, _)| *n).collect();
     let rows = readings.readings.iter().enumerate().map(|(n, r)| {
         let c = &readings.conditions[r.condition];
         let [theta_deg, sigma_deg, z0_mm] = written_units(&readings.poses[c.pose].pose);
@@ -143,7 +144,7 @@ pub fn shown_readings(readings: &Readings, diagnosis: &Diagnosis) -> Vec<ShownRe
             read,
             before: said(Rival::Declared),
             after: said(Rival::After),
-            excluded: diagnosis.left_out.iter().any(|(line, _)| *line == n),
+            excluded: left_out.contains(&n),
         }
     });
     rows.collect()

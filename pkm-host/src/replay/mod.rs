@@ -10,7 +10,7 @@ use pkm_core::{CorrectionTable, Deflection, Domain, Machine, Wrench};
 use crate::error::{Failure, Result};
 use crate::files::learn::{Learn, limb_compliances_m_per_n};
 use crate::files::log::Entry;
-use crate::pose::{PoseBox, pose_of};
+use crate::pose::PoseBox;
 pub use design::{Ask, Proposal};
 pub use diagnosed::LogDiagnosis;
 
@@ -170,8 +170,8 @@ fn with<const N: usize>(
     let settings = EstimatorSettings::<N> { amplitudes, model_share: learn.model_share };
     let mut estimator = Estimator::<f64, N>::new(&settings).map_err(|e| refused(&e))?;
     let alarm_ratios = alarm_ratios(machine, table, &learn.amplitudes, log);
-    let [theta_deg, sigma_deg, z0_mm] = PoseBox::of(log.iter().map(|entry| &entry.touch.pose)).middle();
-    let limbs_m_per_n = limb_compliances_m_per_n(machine, &pose_of(theta_deg, sigma_deg, z0_mm)).ok();
+    let middle = PoseBox::of(log.iter().map(|entry| &entry.touch.pose)).middle_pose();
+    let limbs_m_per_n = limb_compliances_m_per_n(machine, &middle).ok();
     let (steps, batch, age, next, diagnosed) = (Vec::new(), None, Age::default(), Vec::new(), None);
     let mut replay = Replay { learn, steps, batch, age, alarm_ratios, limbs_m_per_n, next, diagnosed };
     for entry in log {

@@ -2,6 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Vector6};
 use pkm_core::effects::Element;
+use pkm_core::{Deflection, Wrench};
 use pkm_diagnosis::places::{AtState, Block, Finding, PlaceModel, State};
 use pkm_diagnosis::{Entry, Prior, Problem, Role};
 use rayon::prelude::*;
@@ -14,7 +15,7 @@ use super::{Blocks, Says, limbs, measurement, named, platforms, ties, turned};
 use crate::diagnose::declared::Declared;
 use crate::diagnose::elements::{ElementParameter, Family};
 use crate::diagnose::model::Model;
-use crate::files::readings::{CHANNELS, Readings};
+use crate::files::readings::{CHANNELS, Condition, Readings};
 
 /// Wrench, or displacement.
 type Six = [f64; 6];
@@ -40,11 +41,6 @@ pub struct Under<'a> {
     readings: &'a Readings,
 }
 
-fn at_a(wrench: Six, at: [f64; 3]) -> Six {
-    let [fx, fy, fz, mx, my, mz] = wrench;
-    [fx, fy, fz, mx + at[1] * fz - at[2] * fy, my + at[2] * fx - at[0] * fz, mz + at[0] * fy - at[1] * fx]
-}
-
 /// A parameter for each main direction of a compliance or a tie, and where a fit of it begins.
 fn directions(written: &Written, amplitudes: &[f64], yielding: bool) -> (Vec<ElementParameter>, Vec<f64>) {
     let of = |(elements, compliance): (Vec<Element>, f64)| {
@@ -55,9 +51,9 @@ fn directions(written: &Written, amplitudes: &[f64], yielding: bool) -> (Vec<Ele
     written.elements(amplitudes, yielding).into_iter().map(of).unzip()
 }
 
-fn seen_at(displacement: Six, at: [f64; 3]) -> Six {
-    let [x, y, z, a, b, c] = displacement;
-    [x + b * at[2] - c * at[1], y + c * at[0] - a * at[2], z + a * at[1] - b * at[0], a, b, c]
+/// What is seen at a point of the platform of a displacement of A.
+fn seen_at(displacement: Vector6<f64>, at_m: [f64; 3]) -> Six {
+    Deflection::from_vector(displacement).seen_at(at_m.into()).to_vector().into()
 }
 
 impl World {
@@ -66,9 +62,9 @@ impl World {
         let stiffnesses = Declared::all(&model.declared);
         let poses: Vec<_> = readings.poses.iter().map(|p| p.pose).collect();
         let frames = Frame::all(&model.declared, &stiffnesses, &poses)?;
-        let wrenches: Vec<(Six, Six)> = (readings.conditions.iter())
-            .map(|c| (at_a(c.wrench.to_vector().into(), c.point_m), at_a(c.turned_at.to_vector().into(), c.point_m)))
-            .collect();
+        let at_a = |wrench: &Wrench<f64>, c: &Condition| wrench.moved_to_a(c.point_m.into()).to_vector().into();
+        let wrenches: Vec<(Six, Six)> =
+            (readings.conditions.iter()).map(|c| (at_a(&c.wrench, c), at_a(&c.turned_at, c))).collect();
         let uncertainty = stiffnesses.iter().map(|d| d.uncertainty(&model.uncertainty)).collect();
         let offset = vec![[0.0; 6]; wrenches.len()];
         let (blocks, terms, written, step) = (Vec::new(), Vec::new(), Vec::new(), None);
@@ -169,7 +165,7 @@ impl World {
     fn displacements(&self, readings: &Readings, solved: &[Solved]) -> Vec<Six> {
         let all = readings.conditions.iter().zip(&self.wrenches).zip(&self.offset);
         all.map(|((c, (w, _)), offset)| {
-            let d = seen_at((solved[c.pose].compliance * Vector6::from(*w)).into(), c.point_m);
+            let d = seen_at(solved[c.pose].compliance * Vector6::from(*w), c.point_m);
             std::array::from_fn(|i| d[i] + offset[i])
         })
         .collect()
@@ -193,7 +189,7 @@ impl Under<'_> {
         let softer = |s: &Solved, e: &M8| s.response * e * s.response.transpose();
         let all = |e: &[M8]| solved.iter().zip(e).map(|(s, e)| softer(s, e)).collect::<Vec<M6>>();
         let yields = |compliance: &M6, wrench: Six, c: usize| -> Six {
-            seen_at((compliance * Vector6::from(wrench)).into(), conditions[c].point_m)
+            seen_at(compliance * Vector6::from(wrench), conditions[c].point_m)
         };
         let moved = |change: &M6, c: usize| yields(change, self.world.wrenches[c].0, c);
         let by_pose = |change: &[M6]| self.by_condition(|c| moved(&change[conditions[c].pose], c));
@@ -236,7 +232,7 @@ impl Under<'_> {
                 let pose = conditions[c].pose;
                 let (now, turned) = self.world.passing(self.readings, solved, c);
                 let d = solved[pose].response * law(pose, &now, &turned);
-                seen_at(d.into(), conditions[c].point_m)
+                seen_at(d, conditions[c].point_m)
             }),
             Term::Direct(direct) => self.by_condition(|c| {
                 let pose = conditions[c].pose;
