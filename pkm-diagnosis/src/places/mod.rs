@@ -99,10 +99,22 @@ pub struct Finding {
 pub struct Inferred {
     /// In the order of their gains.
     pub findings: Vec<Finding>,
-    /// Sets of blocks that were compared, with their probabilities; the likeliest first.
+    /// What could be found beside these and gains too little: blocks with probabilities that one is there after all.
+    pub refused: Vec<Rival>,
+    /// Sets of blocks that were compared, by their evidence alone; the likeliest first.
     pub alternatives: Vec<(Vec<usize>, f64)>,
-    /// Probability that the rest goes with no place: of sets with a block that has none.
-    pub none_of_these: f64,
     /// Reduced χ² of the whitened readings.
     pub reduced_chi2: f64,
+}
+
+impl Inferred {
+    /// Probability that something acts on the readings which goes with no place.
+    pub fn none_of_these(&self) -> f64 {
+        let nowhere = |rivals: &[Rival]| {
+            let all = rivals.iter().filter(|r| r.places.iter().any(|place| place == NOWHERE));
+            all.map(|r| r.probability).sum::<f64>()
+        };
+        let found = self.findings.iter().map(|f| nowhere(&f.rivals));
+        1.0 - found.chain([nowhere(&self.refused)]).map(|p| 1.0 - p).product::<f64>()
+    }
 }

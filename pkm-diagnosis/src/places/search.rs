@@ -25,6 +25,8 @@ struct Search<'a> {
     linear: Linear,
     /// Every set that was compared, by families.
     compared: Vec<(Vec<usize>, f64)>,
+    /// Families that were tried beside the best set and gain too little, with what they gain.
+    refused: Vec<(usize, f64)>,
 }
 
 /// Infers where the readings ask for more than the declared model. `None` where there are none, or some are not finite, and where the
@@ -51,7 +53,8 @@ pub fn infer(levels: &Levels<'_>, noise: &Noise, model: &dyn PlaceModel) -> Opti
     let (ln, set, state) = evidence.optimum(&start, &none, rules.block_steps)?;
     let all: Vec<usize> = (0..evidence.families.len()).collect();
     let linear = evidence.linear(&state, &all)?;
-    let mut search = Search { evidence, linear, compared: vec![(Vec::new(), ln)], best: Tried { ln, set, state } };
+    let (compared, best) = (vec![(Vec::new(), ln)], Tried { ln, set, state });
+    let mut search = Search { evidence, linear, compared, refused: Vec::new(), best };
     for _ in 0..rules.max_blocks {
         if !search.forward()? {
             break;
@@ -134,10 +137,15 @@ impl Search<'_> {
         let ranked = self.ranked(&self.best.set, self.best.set.members.len());
         let tried = ranked.iter().take(self.evidence.rules.blocks_tried);
         let tried: Vec<Tried> = tried.filter_map(|(_, set)| self.tried(set)).collect();
+        let gain = |t: &Tried| t.set.members.last().map(|m| (m.0, t.ln - self.best.ln));
+        self.refused = tried.iter().filter_map(gain).collect();
         let best = tried.into_iter().max_by(|a, b| a.ln.total_cmp(&b.ln));
         let least = self.best.ln + self.evidence.rules.min_block_gain;
         match best.filter(|b| b.ln > least) {
-            Some(best) => self.accept(best).map(|()| true),
+            Some(best) => {
+                self.refused.clear();
+                self.accept(best).map(|()| true)
+            }
             None => Some(false),
         }
     }
@@ -177,6 +185,24 @@ impl Search<'_> {
         Some(rest / self.evidence.observed.len() as f64)
     }
 
+    /// What differences of ln evidence are divided by before they become probabilities: what is left beyond the noise makes every one of them
+    /// as much greater than it is.
+    fn temper(&self) -> Option<f64> {
+        Some(self.evidence.rules.temper_of_places * self.reduced_chi2()?.max(1.0))
+    }
+
+    fn rival(&self, family: usize, probability: f64) -> Rival {
+        Rival { block: self.evidence.families[family].block, places: self.places(family), probability }
+    }
+
+    /// What was tried beside the findings in vain, as one more of them.
+    fn refused(&self) -> Option<Vec<Rival>> {
+        let (least, temper) = (self.evidence.rules.min_block_gain, self.temper()?);
+        let odds = |gain: f64| ((gain - least) / temper).exp();
+        let total: f64 = 1.0 + self.refused.iter().map(|r| odds(r.1)).sum::<f64>();
+        Some(self.refused.iter().map(|(family, gain)| self.rival(*family, odds(*gain) / total)).collect())
+    }
+
     /// One member's place: all that could stand there, the other members kept.
     fn finding(&mut self, at: usize) -> Option<Finding> {
         let own = self.best.set.members[at].0;
@@ -200,24 +226,18 @@ impl Search<'_> {
         let without = self.tried(&without).map(|t| t.ln);
         let gain = without.map_or(0.0, |ln| self.best.ln - ln);
         let top = rivals.iter().fold(f64::NEG_INFINITY, |m, r| m.max(r.1.ln));
-        // what is left beyond the noise makes every difference of evidence as much greater than it is
-        let temper = self.evidence.rules.temper_of_places * self.reduced_chi2()?.max(1.0);
+        let temper = self.temper()?;
         let tempered = |ln: f64| ((ln - top) / temper).exp();
         // that nothing is there is a rival without a place
         let total: f64 = rivals.iter().map(|r| r.1.ln).chain(without).map(tempered).sum();
-        let block_of = |family: usize| self.evidence.families[family].block;
-        let rival = |(family, tried): &(usize, Tried)| Rival {
-            block: block_of(*family),
-            places: self.places(*family),
-            probability: tempered(tried.ln) / total,
-        };
+        let rival = |(family, tried): &(usize, Tried)| self.rival(*family, tempered(tried.ln) / total);
         let mut all: Vec<Rival> = rivals.iter().map(rival).collect();
         all.sort_by(|a, b| b.probability.total_cmp(&a.probability));
         let (likeliest, state) = rivals
             .iter()
             .max_by(|a, b| a.1.ln.total_cmp(&b.1.ln))
             .map_or((own, &self.best.state), |(family, tried)| (*family, &tried.state));
-        let block = block_of(likeliest);
+        let block = self.evidence.families[likeliest].block;
         let of_block = |(b, amplitudes): (usize, Vec<f64>)| (b == block).then_some(amplitudes);
         let amplitudes = self.evidence.of_blocks(state).blocks.into_iter().find_map(of_block).unwrap_or_default();
         let columns = self.linear.columns_of(own)? * self.best.set.members[at].1;
@@ -240,10 +260,7 @@ impl Search<'_> {
         }
         let total: f64 = sets.iter().map(|s| s.1).sum();
         sets.iter_mut().for_each(|s| s.1 /= total);
-        let nowhere = |s: &&(Vec<usize>, f64)| s.0.iter().any(|b| self.evidence.model.blocks()[*b].places.is_empty());
-        let none_of_these = sets.iter().filter(nowhere).map(|s| s.1).fold(0.0, |sum, p| sum + p);
         sets.truncate(self.evidence.rules.rivals_tried);
-        let reduced_chi2 = self.reduced_chi2()?;
-        Some(Inferred { findings, alternatives: sets, none_of_these, reduced_chi2 })
+        Some(Inferred { findings, alternatives: sets, refused: self.refused()?, reduced_chi2: self.reduced_chi2()? })
     }
 }

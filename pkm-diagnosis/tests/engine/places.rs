@@ -189,7 +189,7 @@ fn what_goes_with_no_place_is_said_to_be_nowhere() {
     let chain = chain();
     let found = inferred(&chain, &with(&chain, 5, |_, f| 0.3 * COMPLIANCE * f.abs()));
     assert_eq!(found.findings[0].rivals[0].places, [NOWHERE]);
-    assert!(found.none_of_these > 0.95, "{}", found.none_of_these);
+    assert!(found.none_of_these() > 0.95, "{}", found.none_of_these());
 }
 
 /// Readings that something disturbs say as much of the springs as undisturbed ones, once that is known.

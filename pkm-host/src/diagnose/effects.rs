@@ -197,25 +197,6 @@ pub fn effects(model: &Model, search: &Search, sites: &[Site]) -> Vec<Effect> {
     effects
 }
 
-/// Sets of findings as `place: law`, each once; sets of equal places and laws are one.
-pub fn alternatives(world: &World, inferred: &Inferred) -> Vec<(Vec<String>, f64)> {
-    let mut all: Vec<(Vec<String>, f64)> = Vec::new();
-    for (blocks, probability) in &inferred.alternatives {
-        let names = blocks.iter().map(|b| world.block(*b));
-        let names = names.map(|block| Some(format!("{}: {}", block.places.first()?, block.law)));
-        // what goes with no place is none of these
-        let Some(mut names) = names.collect::<Option<Vec<String>>>() else { continue };
-        names.sort();
-        names.dedup();
-        match all.iter_mut().find(|a| a.0 == names) {
-            Some(there) => there.1 += probability,
-            None => all.push((names, *probability)),
-        }
-    }
-    all.sort_by(|a, b| b.1.total_cmp(&a.1));
-    all
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

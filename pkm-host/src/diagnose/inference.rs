@@ -135,13 +135,12 @@ impl Start<'_> {
     }
 }
 
-/// The sites without those in the machine for which no formula and no element was found, where what is left of the readings is noise:
-/// then nothing but their own blocks asks for them, which must be surer than elsewhere.
-pub fn borne_out(sites: &[Site], search: &Search, is_noise: bool, rules: &Rules) -> Vec<Site> {
+/// Which sites are findings: all but those in the machine for which no formula and no element was found, where what is left of the readings
+/// is noise. Then nothing but their own blocks asks for them, which must be surer than elsewhere.
+pub fn borne_out(sites: &[Site], search: &Search, is_noise: bool, rules: &Rules) -> Vec<bool> {
     let named = sites::named_at(sites, search);
     let is_sure = |site: &Site| site.is_disturbance() || site.probability >= rules.min_probability_alone;
-    let kept = sites.iter().zip(named).filter(|(site, named)| !is_noise || named.is_some() || is_sure(site));
-    kept.map(|(site, _)| site.clone()).collect()
+    sites.iter().zip(named).map(|(site, named)| !is_noise || named.is_some() || is_sure(site)).collect()
 }
 
 /// Where something was found, by a formula or as a place alone, the end with the values that predict best ([`verdict::settled`]).
@@ -175,8 +174,8 @@ mod tests {
         let found = vec![Found { candidate: 4, class: Vec::new(), confidence: 1.0 }];
         let search = Search { base: fit(), fit: fit(), levels: [0; 2], found, steps: Vec::new(), rounds: Vec::new() };
         let places = |is_noise| {
-            let kept = borne_out(&sites, &search, is_noise, &Rules::DEFAULT);
-            kept.into_iter().map(|s| s.place).collect::<Vec<_>>()
+            let is_found = borne_out(&sites, &search, is_noise, &Rules::DEFAULT);
+            sites.iter().zip(is_found).filter(|s| s.1).map(|s| s.0.place.as_str()).collect::<Vec<_>>()
         };
         assert_eq!(places(true), ["tool", "sensor", "moving_platform"]);
         assert_eq!(places(false), ["base", "tool", "sensor", "moving_platform"]);

@@ -7,6 +7,7 @@
 //! measure) → `json`, `sentences`, `report`, `write`.
 
 mod advice;
+mod alternatives;
 pub mod badges;
 pub mod campaign;
 mod checks;
@@ -55,11 +56,12 @@ use pkm_diagnosis::verdict::{self, Judgement};
 use pkm_diagnosis::{Noise, NoiseSource, Observations, Search, search};
 pub use pkm_diagnosis::{Rules, SEED, verdict::Verdict};
 
+use self::alternatives::alternatives;
 use self::checks::Suspect;
 use self::checks_of_noise::Coarse;
 use self::compare::{Errors, Fitted, Predictions, Rival};
+use self::effects::effects;
 pub use self::effects::{ELEMENT, Effect};
-use self::effects::{alternatives, effects};
 use self::estimates::Estimates;
 use self::experiment::observations;
 use self::findings::{DeclaredFinding, Detectable};
@@ -292,9 +294,11 @@ impl Searched<'_> {
         let (model, rules, noise) = (experiment.model, start.rules, start.noise);
         let not_converged = || not_converged(readings, its_noise, &warnings);
         let mut judgement = verdict::judge(levels, its_noise, &search).ok_or_else(not_converged)?;
-        let sites = &inference::borne_out(sites, &search, judgement.after.p > rules.max_misfit_p, rules);
-        let search = inference::settled(levels, its_noise, sites, search).ok_or_else(not_converged)?;
-        let mut effects = effects(model, &search, sites);
+        let is_found = inference::borne_out(sites, &search, judgement.after.p > rules.max_misfit_p, rules);
+        let alternatives = inferred.map(|inferred| alternatives(inferred, model, &search, sites, &is_found));
+        let sites: Vec<_> = sites.iter().zip(is_found).filter(|s| s.1).map(|s| s.0.clone()).collect();
+        let search = inference::settled(levels, its_noise, &sites, search).ok_or_else(not_converged)?;
+        let mut effects = effects(model, &search, &sites);
         let is_law_open = add_rivals_of_laws(&mut effects, inferred, rules);
         judgement.verdict = restrained(judgement.verdict, &effects, is_law_open, noise, rules);
         let (problem, extent) = (&levels.problems[search.levels[1]], compare::extent(readings));
@@ -324,7 +328,6 @@ impl Searched<'_> {
         suspects.extend(checks::suspects(readings, &residuals.outliers(read, rules), own.of(Rival::After), false));
         step(4, "report");
         let name = |r: &search::Ranked| model.candidates[r.candidate].name();
-        step(5, "report");
         let declared = findings::declared_findings(problem, model, &search);
         warnings.extend(checks_of_noise::of_declared(&judgement.after, problem.numbers()));
         let of_change = inferred.and_then(|(world, inferred)| checks::of_change(world, inferred, readings));
@@ -335,8 +338,8 @@ impl Searched<'_> {
             suspects,
             size: (problem.numbers(), problem.by_pose().len()),
             effects,
-            alternatives: inferred.map(|(world, inferred)| alternatives(world, inferred)).unwrap_or_default(),
-            none_of_these: inferred.map(|(_, inferred)| inferred.none_of_these),
+            alternatives: alternatives.unwrap_or_default(),
+            none_of_these: inferred.map(|(_, inferred)| inferred.none_of_these()),
             declared,
             detectable: findings::detectable(levels, model, &search),
             single_poses: readings.poses.len() <= rules.max_single_poses,

@@ -266,6 +266,17 @@ fn places_are_found_and_their_elements_go_into_the_machine_file() {
     let of_limb_1 = |p: &&str| p.starts_with("limb.1.") || ["base", "moving_platform"].contains(p);
     assert!(places.iter().any(|p| p.iter().all(of_limb_1) && p.contains(&"limb.1.base_joint")), "{places:?}");
     assert!(effects.iter().all(|e| e["probability"].as_f64().unwrap() > 0.9), "{effects:?}");
+    // the set that the verdict names is the likeliest of all
+    for (found, effects) in [(&clean, &Vec::new()), (&found, effects)] {
+        let named = |e: &Value| format!("{}: {}", e["where"].as_str().unwrap(), e["law"].as_str().unwrap());
+        let mut named: Vec<String> = effects.iter().map(named).collect();
+        named.sort();
+        let sets = found["alternatives"].as_array().unwrap();
+        assert_eq!(sets[0]["effects"], serde_json::json!(named));
+        let probabilities: Vec<f64> = sets.iter().map(|set| set["probability"].as_f64().unwrap()).collect();
+        let all = probabilities.iter().sum::<f64>() + found["none_of_these"].as_f64().unwrap();
+        assert!(probabilities[0] > 0.5 && probabilities.is_sorted_by(|a, b| a >= b) && all < 1.0 + 1e-9, "{sets:?}");
+    }
     assert!(rms(&found, "after") < 0.9 * rms(&found, "retuned_only"));
     let [share, u95_um] = covered("p08", &folder);
     assert!(share > 0.9 && u95_um < 4.0 * rms(&found, "after"), "{share} within U95 {u95_um} µm");
