@@ -88,24 +88,25 @@ impl<T: Scalar> Machine<T> {
     /// use pkm_core::tables::reference::{MACHINE_F64, PARAMETERS};
     /// use pkm_core::{Machine, MachineParameters};
     /// assert_eq!(MACHINE_F64.at_temperature(35.0), Ok(MACHINE_F64));
+    /// assert_eq!(MACHINE_F64.at_temperature(-300.0), Err(TemperatureError::NoStiffness));
     /// let effects = PARAMETERS.effects.with("thermal-modulus", [4e-4, 4e-4, 0.0]).unwrap();
     /// let steel = Machine::<f64>::new(&MachineParameters { effects, ..PARAMETERS }).unwrap();
     /// assert_ne!(steel.at_temperature(35.0), Ok(steel));
     /// assert_eq!(steel.at_temperature(20.0), Ok(steel));
     /// assert_eq!(steel.at_temperature(1e4), Err(TemperatureError::NoStiffness));
-    /// assert_eq!(steel.at_temperature(-300.0), Err(TemperatureError::NoStiffness));
     /// ```
     pub fn at_temperature(&self, temperature_c: T) -> Result<Self, TemperatureError> {
         if !temperature_c.is_finite() {
             return Err(TemperatureError::NotFinite);
         }
+        // of every machine: the thermometer is broken
+        if temperature_c < T::from_f64(ABSOLUTE_ZERO_C) {
+            return Err(TemperatureError::NoStiffness);
+        }
         let mut machine = *self;
         let rates = self.effects.softening();
         if rates == [T::ZERO; 2] && !self.effects.elements.depend_on_temperature() {
             return Ok(machine);
-        }
-        if temperature_c < T::from_f64(ABSOLUTE_ZERO_C) {
-            return Err(TemperatureError::NoStiffness);
         }
         let warmer_k = temperature_c - T::from_f64(DECLARED_TEMPERATURE_C);
         let [body, joints] = rates.map(|rate| T::ONE - rate * warmer_k);

@@ -6,7 +6,7 @@ use super::state::State;
 use super::{
     CompensatedTool, Configuration, FiveAxis, Tool, ToolDeflection, ToolDeflectionError, ToolError, ToolSolution,
 };
-use crate::compensation::{self, Doubt, Load};
+use crate::compensation::{self, Doubt, Load, MAX_DISPLACEMENT};
 use crate::correction::{CorrectionTable, TableUncertainty};
 use crate::estimation::Estimator;
 use crate::kinematics::platform_axes;
@@ -15,7 +15,7 @@ use crate::model::{Known, Model};
 use crate::scalar::Scalar;
 use crate::stiffness::{self, LoadHistory, Stiffness, StiffnessError};
 use crate::thermal::TemperatureRise;
-use crate::types::{Deflection, Wrench};
+use crate::types::{Deflection, Pose, Wrench};
 use crate::wrist::Wrist;
 
 /// Most times that [`FiveAxis::compensated`] works out a deflection. Two or three do where K alone yields, four with clearance.
@@ -122,7 +122,8 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// * `near`: as for [`inverse`](Self::inverse).
     ///
     /// # Errors
-    /// Those of [`inverse`](Self::inverse) and of [`deflection`](Self::deflection), on the way as at its end.
+    /// Those of [`inverse`](Self::inverse) and of [`deflection`](Self::deflection), on the way as at its end; a deflection that moves the
+    /// tip by more than [`MAX_DISPLACEMENT`] of |AB| is refused.
     pub fn compensated(
         &self,
         table: Option<&CorrectionTable<'_, T>>,
@@ -239,6 +240,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
     ) -> Result<SVector<T, 5>, ToolDeflectionError> {
         let grown = self.machine.thermal_deflection(&configuration.pose, rise)?;
         let moved = loaded.plus(&self.seen_at_tip(configuration, &grown));
+        near_enough(&configuration.pose, &moved.translation_m)?;
         let frame = self.frame_of(configuration);
         let [_, _, axis] = axes(&frame.axes);
         let target = Tool { tip_m: frame.tip_m - moved.translation_m, axis: axis - moved.rotation_rad.cross(&axis) };
@@ -264,14 +266,15 @@ impl<T: Scalar> FiveAxis<'_, T> {
         (deflection, share): (&ToolDeflection<T>, T),
         undone: &mut [Vector3<T>; 2],
         best: &mut Option<CompensatedTool<T>>,
-    ) -> Result<(), StiffnessError> {
+    ) -> Result<(), ToolDeflectionError> {
         let turned = deflection.rotation_rad * share;
         let now = [deflection.translation_m * share, turned.cross(&(axis - undone[1]))];
+        near_enough(&solution.configuration.pose, &now[0])?;
         let size = |[tip, axis]: [Vector3<T>; 2]| length(&tip) + self.wrist.home_z0 * length(&axis);
         let remaining_m = size([now[0] - undone[0], now[1] - undone[1]]);
         // a deflection may be finite where its square is not
         if !remaining_m.is_finite() {
-            return Err(StiffnessError::NotFinite);
+            return Err(StiffnessError::NotFinite.into());
         }
         if best.as_ref().is_none_or(|best| remaining_m < best.remaining_m) {
             let converged = remaining_m <= T::from_f64(COMPENSATED_TO) * size(now);
@@ -280,4 +283,11 @@ impl<T: Scalar> FiveAxis<'_, T> {
         *undone = now;
         Ok(())
     }
+}
+
+/// Whether the tip is displaced by no more than is compensated. What is not finite is refused by its own name.
+fn near_enough<T: Scalar>(pose: &Pose<T>, translation_m: &Vector3<T>) -> Result<(), ToolDeflectionError> {
+    // |AB| is Z0 over cos θ
+    let most = T::from_f64(MAX_DISPLACEMENT) * pose.z0_m / pose.theta_rad.cos();
+    if translation_m.dot(translation_m) > most * most { Err(ToolDeflectionError::TooFar) } else { Ok(()) }
 }

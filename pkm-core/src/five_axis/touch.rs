@@ -5,6 +5,7 @@ use nalgebra::Matrix3;
 use super::{Configuration, FiveAxis, ToolError};
 use crate::estimation::Touch;
 use crate::kinematics::platform_axes;
+use crate::linalg::is_finite;
 use crate::scalar::Scalar;
 use crate::types::Wrench;
 
@@ -17,7 +18,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// * `time_s`, `rise_k`: see [`Touch`].
     ///
     /// # Errors
-    /// Those of [`frame`](Self::frame).
+    /// Those of [`frame`](Self::frame); a load or a rise that is not finite.
     pub fn touch(
         &self,
         configuration: &Configuration<T>,
@@ -26,6 +27,9 @@ impl<T: Scalar> FiveAxis<'_, T> {
         rise_k: T,
     ) -> Result<Touch<T>, ToolError> {
         self.joints(configuration)?;
+        if !(is_finite(&wrench.force_n) && is_finite(&wrench.moment_nm) && rise_k.is_finite()) {
+            return Err(ToolError::NotFinite);
+        }
         let held = self.wrist.held(configuration.beta_rad);
         let axes = held.axes();
         let wrench = Wrench { force_n: axes * wrench.force_n, moment_nm: axes * wrench.moment_nm };
