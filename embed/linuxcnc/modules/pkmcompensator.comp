@@ -39,7 +39,7 @@ include "learned.h";
 
 pin in bit enable "the machine is homed and on, and the wrench means the load on the tool";
 pin in float joint-#[5] "where the joints stand without the offsets: three screws in mm, wrist in degrees";
-pin in float fx "force on the tool at its tip in N, in the tool's axes: z along its axis, y the second axis of the wrist";
+pin in float fx "force on the tool at its tip in N, in the tool's axes: with A and B at 0 those of the platform; a positive B turns it about its own -y";
 pin in float fy;
 pin in float fz;
 pin in float mx "moment about the tip in N m";
@@ -73,7 +73,7 @@ pin out float drive-#[5] "the same with the offsets, for the drives";
 pin in float drive-fb-#[5] "what the drives report";
 pin out float feedback-#[5] "the same without the offsets, for the controller";
 pin out float offset-#[5] "what is added to the joints: mm, degrees";
-pin out bit active "an offset is not zero";
+pin out bit active "an offset is beyond rounding, 1e-9 mm or degrees";
 pin out bit settings-pending "a parameter has changed, and is not taken up before enable is false and all offsets are zero";
 pin out bit fault "the load is not compensated as usual";
 pin out s32 fault-code "why not: a PkmError of pkm.h; 0 without a fault";
@@ -443,7 +443,7 @@ static void compensate(struct __comp_state *__comp_inst, PkmError stands, const 
         found = enable && missing != PKM_ERROR_OK ? missing : to.fault;
     }
     int is_active = 0;
-    for (int i = 0; i < 5; i++) is_active |= offset(i) != 0;
+    for (int i = 0; i < 5; i++) is_active |= fabs(offset(i)) > 1e-9;
     active = is_active;
     fault_code = found;
     *__comp_inst->fault = found != PKM_ERROR_OK;
@@ -506,7 +506,17 @@ FUNCTION(to_drives) {
     }
     if (!is_told) tell(__comp_inst);
     compensate(__comp_inst, stands, &place.configuration, &wrench, period * 1e-9);
-    for (int i = 0; i < 5; i++) drive(i) = command(i) + offset(i);
+    int is_commanded = 1;
+    for (int i = 0; i < 5; i++) {
+        const double commanded = command(i) + offset(i);
+        /* a drive that is asked for NaN does what its maker thought of */
+        if (isfinite(commanded)) drive(i) = commanded;
+        else is_commanded = 0;
+    }
+    if (!is_commanded) {
+        fault_code = PKM_ERROR_NOT_FINITE;
+        *__comp_inst->fault = 1;
+    }
 
     last_ns = rtapi_get_time() - begun;
     if (last_ns > max_ns) max_ns = last_ns;

@@ -1,4 +1,4 @@
-//! What the compensator says of place and load where a sensor or a drive says nothing.
+//! What the compensator says of place and load where a sensor, a drive or the controller says nothing.
 
 use std::path::Path;
 
@@ -41,14 +41,22 @@ pub fn what_is_lost(out: &Path, host: &Host) -> Outcome {
     expect("a place that is none", &nowhere[2..4], &[0.0, 0.0], 0.0)?;
 
     let drives = ["fault-code", "sensor-fault", "feedback-0", "offset-0"].map(str::to_owned);
-    let text = stands + "setp pkmcompensator.drive-fb-0 nan\n" + wait;
+    let text = stands.clone() + "setp pkmcompensator.drive-fb-0 nan\n" + wait;
     let found = session.run(&text, &drives)?;
     expect("a lost drive", &found[..2], &[NOT_FINITE, 0.0], 0.0)?;
     // where it was when it was lost, with the offset of then
     expect("the last position", &found[2..3], &[500.0], 0.5)?;
     expect("the offset without a drive", &found[3..], &[0.0], 0.0)?;
+
+    let commands = ["fault-code", "drive-0"].map(str::to_owned);
+    let commanded = stands + "setp pkmcompensator.command-0 500\n" + wait;
+    let lost = commanded.clone() + "setp pkmcompensator.command-0 nan\n" + wait;
+    let [before, found] = [commanded, lost].map(|text| session.run(&text, &commands));
+    let (before, found) = (before?, found?);
+    expect("a command that is no number", &found[..1], &[NOT_FINITE], 0.0)?;
+    expect("what the drive is asked for then", &found[1..], &before[1..], 1e-6)?;
     println!(
-        "  a lost load, place or drive: the place is told as long as it is known, and no NaN reaches the controller"
+        "  a lost load, place, drive or command: the place is told as long as it is known, and no NaN reaches the controller or a drive"
     );
     Ok(())
 }
