@@ -338,6 +338,9 @@ impl<T: Scalar> CorrectionTable<'_, T> {
     ///   tip and load in the tool's own terms; [`WristParameters::tip_at_zero_m`](crate::WristParameters::tip_at_zero_m)
     ///   is the tip with both joints at 0.
     ///
+    /// No filter, no rate limit, the whole deflection: for a load that is computed, never for one that is measured, which closes a loop and
+    /// takes a [`Compensator`](crate::compensator::Compensator).
+    ///
     /// Outside the table's box ([`Domain::Outside`](crate::Domain::Outside) in [`Cycle::corrected`]) the numbers are
     /// computed all the same: a controller that may not extrapolate commands [`Cycle::lengths`], without compensation, or
     /// stops.

@@ -245,7 +245,8 @@ impl<T: Scalar> Wrist<T> {
 }
 
 impl<T: Scalar> WristPosture<T> {
-    /// Axes of T_h in A-uvw, as columns: x, y, z; z is the tool's axis.
+    /// Axes of T_h in A-uvw, as columns: x, y, z; z is the tool's axis. At β1 = β2 = 0 they are u, v, w. Positive β1 turns them about w,
+    /// positive β2 about their own −y.
     pub fn axes(&self) -> Matrix3<T> {
         frame(
             Vector3::new(self.cos1 * self.cos2, self.sin1 * self.cos2, self.sin2),

@@ -3,9 +3,10 @@
  *
  * Units: SI, in every name: m, rad, N, N m; temperatures in degrees Celsius.
  * Frames: B-xyz sits on the fixed platform, x from B to B3, y from B to B2. A-uvw sits on the moving platform, u from A
- * to A3, v from A to A2. Six-vectors: u, v, w, about u, v, w.
+ * to A3, v from A to A2, w towards the tool. T_h is the tool: with both angles of the wrist at 0 its x, y, z are u, v, w; a positive first
+ * angle turns it about +w, a positive second one about its own -y. A load acts on the tool. Six-vectors: u, v, w, about u, v, w.
  * Errors: every function that computes returns a PkmError and writes its result (where the last pointer that is not to const leads) only
- * when that is PKM_ERROR_OK. Null and misaligned pointers, NaN and infinities are errors. GCC and Clang warn when one is ignored.
+ * when that is PKM_ERROR_OK. Null and misaligned pointers, NaN and infinities are errors, where a function does not say otherwise. GCC and Clang warn when one is ignored.
  * Numbers: functions that end in _f64 compute in double, those in _f32 in float; the same bits on a PC as on a Cortex-M.
  * Nothing allocates, blocks, keeps state, or calls back; every function may be called from several threads and from
  * interrupts. Input and result may be the same memory. A compensator or an estimator is state, in memory that the caller gives:
@@ -599,14 +600,15 @@ typedef struct {
   // Not 0: the machine is homed, on, and the reading means the load on the tool. At 0 the offset goes to zero at the rate
   // limit, and the load is forgotten.
   int32_t enabled;
-  // Load on the tip, its moment about the tip: in the axes of A-uvw for three screws, in the tool's own for five axes.
+  // Load on the tool, its moment about the tip: in the axes of A-uvw for three screws, in those of T_h for five axes. What a
+  // dynamometer under the workpiece reads has the other sign.
   PkmWrench_f64 wrench;
   // How much warmer limbs and platforms are than at the zero reading; 0 without a sensor.
   PkmTemperatureRise_f64 rise;
 } PkmReading_f64;
 
 // What a compensator asks for: always finite, within the largest offset, and no further from the last one than the rate limit
-// lets it in a period. The limits scale the offsets of all joints as one vector, so that the tip keeps its direction.
+// lets it in a period, as long as nobody else writes to its memory. The limits scale the offsets of all joints as one vector, so that the tip keeps its direction.
 typedef struct {
   // To be added to the lengths of the screws.
   double screws_m[3];
@@ -635,14 +637,15 @@ typedef struct {
   // Not 0: the machine is homed, on, and the reading means the load on the tool. At 0 the offset goes to zero at the rate
   // limit, and the load is forgotten.
   int32_t enabled;
-  // Load on the tip, its moment about the tip: in the axes of A-uvw for three screws, in the tool's own for five axes.
+  // Load on the tool, its moment about the tip: in the axes of A-uvw for three screws, in those of T_h for five axes. What a
+  // dynamometer under the workpiece reads has the other sign.
   PkmWrench_f32 wrench;
   // How much warmer limbs and platforms are than at the zero reading; 0 without a sensor.
   PkmTemperatureRise_f32 rise;
 } PkmReading_f32;
 
 // What a compensator asks for: always finite, within the largest offset, and no further from the last one than the rate limit
-// lets it in a period. The limits scale the offsets of all joints as one vector, so that the tip keeps its direction.
+// lets it in a period, as long as nobody else writes to its memory. The limits scale the offsets of all joints as one vector, so that the tip keeps its direction.
 typedef struct {
   // To be added to the lengths of the screws.
   float screws_m[3];
@@ -1219,7 +1222,8 @@ PkmError pkm_compensated_f64(const PkmMachine_f64 *machine,
 
 // One cycle of a controller: screw lengths, deflection under a load on the tip (its moment about the tip, in
 // the axes of A-uvw) that has only grown from zero, and the screw lengths that make up for it. The tip is given
-// for the wrist as it stands; with one that turns use `pkm_tool_compensated`.
+// for the wrist as it stands; with one that turns use `pkm_tool_compensated`. No filter, no rate limit, the whole deflection: for a
+// load that is computed, never for one that is measured, which takes a compensator.
 //
 // Outside the table's box (`domain`) all is computed all the same: a controller that may not extrapolate commands
 // `lengths`, without compensation, or stops. On an error nothing is written: hold the last command, or ask
@@ -1366,7 +1370,8 @@ PkmError pkm_compensated_f32(const PkmMachine_f32 *machine,
 
 // One cycle of a controller: screw lengths, deflection under a load on the tip (its moment about the tip, in
 // the axes of A-uvw) that has only grown from zero, and the screw lengths that make up for it. The tip is given
-// for the wrist as it stands; with one that turns use `pkm_tool_compensated`.
+// for the wrist as it stands; with one that turns use `pkm_tool_compensated`. No filter, no rate limit, the whole deflection: for a
+// load that is computed, never for one that is measured, which takes a compensator.
 //
 // Outside the table's box (`domain`) all is computed all the same: a controller that may not extrapolate commands
 // `lengths`, without compensation, or stops. On an error nothing is written: hold the last command, or ask
@@ -2032,12 +2037,13 @@ PkmError pkm_tip_inverse_any_margin_f64(const PkmMachine_f64 *machine,
                                         PkmToolSolution_f64 *solution);
 
 // What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
-// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
+// its tip, in the axes of T_h. No filter, no rate limit, the whole deflection: for a load that is computed, never for one that is
+// measured, which takes a compensator. `near` is as for
 // `pkm_tool_inverse`, and no further from the tool than a period's step: this takes a bounded number of instructions. Where
 // they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is that of the
 // pose to command.
 //
-// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end.
+// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end; DISPLACED_TOO_FAR.
 PKM_MUST_USE
 PkmError pkm_tool_compensated_f64(const PkmMachine_f64 *machine,
                                   const PkmTable_f64 *table,
@@ -2108,12 +2114,13 @@ PkmError pkm_tip_inverse_any_margin_f32(const PkmMachine_f32 *machine,
                                         PkmToolSolution_f32 *solution);
 
 // What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
-// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
+// its tip, in the axes of T_h. No filter, no rate limit, the whole deflection: for a load that is computed, never for one that is
+// measured, which takes a compensator. `near` is as for
 // `pkm_tool_inverse`, and no further from the tool than a period's step: this takes a bounded number of instructions. Where
 // they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is that of the
 // pose to command.
 //
-// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end.
+// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end; DISPLACED_TOO_FAR.
 PKM_MUST_USE
 PkmError pkm_tool_compensated_f32(const PkmMachine_f32 *machine,
                                   const PkmTable_f32 *table,

@@ -85,7 +85,8 @@ pub struct PkmReading<T> {
     /// Not 0: the machine is homed, on, and the reading means the load on the tool. At 0 the offset goes to zero at the rate
     /// limit, and the load is forgotten.
     pub enabled: i32,
-    /// Load on the tip, its moment about the tip: in the axes of A-uvw for three screws, in the tool's own for five axes.
+    /// Load on the tool, its moment about the tip: in the axes of A-uvw for three screws, in those of T_h for five axes. What a
+    /// dynamometer under the workpiece reads has the other sign.
     pub wrench: PkmWrench<T>,
     /// How much warmer limbs and platforms are than at the zero reading; 0 without a sensor.
     pub rise: PkmTemperatureRise<T>,
@@ -104,7 +105,7 @@ pub enum PkmLimit {
 }
 
 /// What a compensator asks for: always finite, within the largest offset, and no further from the last one than the rate limit
-/// lets it in a period. The limits scale the offsets of all joints as one vector, so that the tip keeps its direction.
+/// lets it in a period, as long as nobody else writes to its memory. The limits scale the offsets of all joints as one vector, so that the tip keeps its direction.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PkmOffset<T> {

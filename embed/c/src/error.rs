@@ -131,7 +131,7 @@ pub enum PkmError {
 #[unsafe(no_mangle)]
 pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
     let text: &'static CStr = match error {
-        0 => c"the result was written",
+        0 => c"no error",
         1 => c"a pointer is null",
         2 => c"a pointer is not aligned for its type",
         3 => c"an input, or what would come of it, is not finite",
@@ -143,7 +143,7 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         14 => c"the screw of limb 3 would leave its travel",
         20 => c"the stiffness matrix is not positive definite",
         21 => c"the limb forces under load-dependent effects were not found",
-        22 => c"no machine has this temperature and a stiffness",
+        22 => c"no stiffness would be left at this temperature, or it is below absolute zero",
         30 => c"the table has no factor form",
         31 => c"a coefficient of the table is not positive at this pose",
         32 => c"the numbers are no table, or there is no room for its terms",
@@ -155,7 +155,7 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         53 => c"wrist joint 2 would leave its limits",
         60 => c"the machine in memory is damaged",
         61 => c"the wrist in memory is damaged",
-        62 => c"the table in memory is damaged",
+        62 => c"the table is damaged, in memory or on the way",
         63 => c"the library has another machine than the program is for",
         64 => c"the library has another wrist than the program is for",
         65 => c"the library has another table than the program is for",
@@ -175,7 +175,7 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         86 => c"a weight is beyond 1e5 N",
         87 => c"a centre of mass is farther than 10 m",
         88 => c"the weight has no reference where the machine was zeroed",
-        90 => c"a reading of the tip has one to six components",
+        90 => c"the reading of the tip has no component, or more than six",
         91 => c"the reading of the tip is older than the last one",
         92 => c"the load is too small for the reading of the tip to tell anything",
         93 => c"the probe says the same over and over",

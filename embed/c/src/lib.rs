@@ -353,7 +353,8 @@ macro_rules! functions {
 
         /// One cycle of a controller: screw lengths, deflection under a load on the tip (its moment about the tip, in
         /// the axes of A-uvw) that has only grown from zero, and the screw lengths that make up for it. The tip is given
-        /// for the wrist as it stands; with one that turns use `pkm_tool_compensated`.
+        /// for the wrist as it stands; with one that turns use `pkm_tool_compensated`. No filter, no rate limit, the whole deflection: for a
+        /// load that is computed, never for one that is measured, which takes a compensator.
         ///
         /// Outside the table's box (`domain`) all is computed all the same: a controller that may not extrapolate commands
         /// `lengths`, without compensation, or stops. On an error nothing is written: hold the last command, or ask

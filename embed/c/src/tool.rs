@@ -103,12 +103,13 @@ macro_rules! functions {
         }
 
         /// What to command so that a loaded tool stands where `tool` asks, tip and axis. The load acts on the tool at
-        /// its tip, in the tool's own axes: z along its axis, y the second axis of the wrist. `near` is as for
+        /// its tip, in the axes of T_h. No filter, no rate limit, the whole deflection: for a load that is computed, never for one that is
+        /// measured, which takes a compensator. `near` is as for
         /// `pkm_tool_inverse`, and no further from the tool than a period's step: this takes a bounded number of instructions. Where
         /// they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is that of the
         /// pose to command.
         ///
-        /// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end.
+        /// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end; DISPLACED_TOO_FAR.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $tool_compensated(

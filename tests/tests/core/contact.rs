@@ -322,3 +322,36 @@ fn the_loop_gain_is_that_of_the_softest_direction() {
         assert!(bad == -1.0 || LoopGain::new(&factor, Vector3::new(0.0, 0.0, bad), 1e7, 0.7).is_err());
     }
 }
+
+/// What docs/commissioning.md says: under a known load a gauge at the tip reads 1 − γ (1 − dead band/F) of what it reads without the
+/// compensation, and with the sensor's sign reversed as much more as it should read less; the offsets rest within their limits both times,
+/// so that nothing else tells.
+#[test]
+fn a_gauge_at_the_tip_tells_a_reversed_sign() {
+    let mut rng = seeded();
+    let load_n = 200.0;
+    for pose in &poses_of_the_box(&mut rng, cases(50)) {
+        let factor = TABLE_F64.factor_form(&MACHINE_F64, pose).unwrap().factor;
+        let (compliance, from) = (tip_compliance(&factor, TIP_M), tip_of(pose));
+        let (lengths, axes) =
+            (MACHINE_F64.inverse(pose).unwrap().q_m, platform_axes(pose.theta_rad.sin_cos(), pose.sigma_rad.sin_cos()));
+        for (axis, gain) in [0, 1, 2].into_iter().flat_map(|axis| [(axis, 0.2), (axis, 0.7)]) {
+            let along = Vector3::ith(axis, 1.0);
+            let off = compliance[(axis, axis)] * load_n;
+            let read = |sign: f64| {
+                let settings = CompensatorSettings { gain, max_screw_m: 2e-3, ..CompensatorSettings::DEFAULT };
+                let mut compensator = Compensator::<f64, 3>::new(&settings).unwrap();
+                let wrench = Wrench { force_n: along * (sign * load_n), moment_nm: Vector3::zeros() };
+                let reading = Reading { enabled: true, wrench, rise: 0.0.into() };
+                let asked = (0..PERIODS / 2).map(|_| compensator.update(&MODEL, pose, TIP_M, &reading)).last().unwrap();
+                assert_eq!((asked.fault, asked.limit), (None, Limit::None), "{pose:?}, {along:?}, {gain}");
+                let there = MACHINE_F64.forward(&ScrewLengths { q_m: lengths + asked.joints }).unwrap();
+                off + (axes.transpose() * (tip_of(&there) - from))[axis]
+            };
+            let share = gain * (1.0 - CompensatorSettings::DEFAULT.dead_band_n / load_n);
+            let [right, reversed] = [read(1.0), read(-1.0)].map(|on| on / off);
+            assert!((right - (1.0 - share)).abs() < 0.01, "{pose:?}, {along:?}, {gain}: {right}");
+            assert!((reversed - (1.0 + share)).abs() < 0.01, "{pose:?}, {along:?}, {gain}: {reversed}");
+        }
+    }
+}
