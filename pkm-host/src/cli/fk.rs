@@ -66,6 +66,6 @@ fn tool_of(file: &MachineFile, q_mm: [f64; 3], beta_deg: [f64; 2]) -> Result<(St
         format!(
             "tip {x:.4}, {y:.4}, {z:.4} mm  axis {i:.9}, {j:.9}, {k:.9}  normalised determinant {normalised_determinant:.4}{side}\n"
         ),
-        json!({ "tip_mm": tip_mm, "axis": axis, "home_share": normalised_determinant }),
+        json!({ "tip_mm": tip_mm, "axis": axis, "normalised_determinant": normalised_determinant }),
     ))
 }

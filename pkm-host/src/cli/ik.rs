@@ -118,8 +118,8 @@ fn solution_json(reach: &Reach<'_>, solution: &ToolSolution<f64>) -> Value {
         "q_mm": q_mm,
         "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
         "beta1_deg": beta1_deg, "beta2_deg": beta2_deg,
-        "home_share": solution.normalised_determinant,
-        "home_side": solution.normalised_determinant >= reach.margin(),
+        "normalised_determinant": solution.normalised_determinant,
+        "clear_of_singularity": solution.normalised_determinant >= reach.margin(),
     })
 }
 

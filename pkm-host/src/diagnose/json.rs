@@ -44,7 +44,7 @@ impl Diagnosis {
     /// Candidates round by round, the best first.
     fn ranking_json(&self) -> Value {
         let row = |(r, name): (&Ranked, &String)| {
-            json!({ "candidate": name, "statistic": r.score.statistic, "freedoms": r.score.dof,
+            json!({ "candidate": name, "statistic": r.score.statistic, "dof": r.score.dof,
                 "p": r.score.p, "gain_2_ln_evidence": r.gain, "left_out_gain": r.left_out_gain,
                 "poses_that_gain": r.poses_that_gain, "gain_from_pulls": r.from_pulls,
                 "rejected": r.rejected })

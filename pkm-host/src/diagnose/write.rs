@@ -200,7 +200,7 @@ fn with_correction(
         Err(e) => {
             let why = e.message;
             let warning =
-                format!("no correction of what is left: {why}; coefficients.rs holds the improved machine alone");
+                format!("no residual correction table: {why}; coefficients.rs holds the identified machine alone");
             let own: std::result::Result<Vec<_>, _> = poses.iter().map(|p| machine.stiffness(&p.pose)).collect();
             Ok((fitted(own.map_err(|e| Failure::other(e.to_string()))?)?, Some(warning)))
         }

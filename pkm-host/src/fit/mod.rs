@@ -28,7 +28,7 @@ use self::regression::{Regression, columns, condition, levels, refuse_rank_defic
 use self::uncertainty::Training;
 pub use self::verification::Verification;
 
-/// Which of them Eq. 12 gives to c11…c66.
+/// Which of the nine terms Eq. 12 gives to c11…c66.
 const EQ_12: [[bool; 9]; 6] = {
     const fn with(cross: Option<usize>) -> [bool; 9] {
         let mut used = [true, true, true, true, true, false, false, false, true];
@@ -259,8 +259,7 @@ pub fn fit(training: Vec<Sample>, verification: Option<Vec<Sample>>, choice: Ter
     let extent = PoseBox::of(training.iter().map(|s| &s.pose.pose));
     // the terms of a variable that does not vary are 0, and the rank check names them
     let (center, scale) = (extent.middle(), extent.half_widths());
-    let centre = core_units(center);
-    let half_width = core_units(scale);
+    let (centre, half_width) = (core_units(center), core_units(scale));
 
     let (responses, has_factor) = responses(&training);
     let design_of = |terms: &[[u8; 3]]| -> Result<DMatrix<f64>> {

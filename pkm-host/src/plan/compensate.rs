@@ -125,7 +125,7 @@ struct Walk<'a> {
     ended: Wrench<f64>,
     /// The last cut that a force was estimated for.
     estimated: Option<(Cut, MeanForce)>,
-    way_m: f64,
+    path_length_m: f64,
     position: PathPosition,
 }
 
@@ -279,20 +279,20 @@ impl Walk<'_> {
             let why = format!("outside the box of {name}: {amount}; fit a table there, or give --allow-extrapolation");
             return Err(self.here(Failure::refused("outside_box", why)));
         }
-        let halfway = self.last.map(|(last_asked, last)| {
+        let midpoint = self.last.map(|(last_asked, last)| {
             let meant = self.reach.stand(&last_asked.between(asked, 0.5), near)?;
             let meant = self.reach.five.tool(&meant.configuration)?;
             self.met(&last.place.between(&place, 0.5), &part_of(&[last.wrench, *wrench], 0.5), &meant, near)
         });
-        let halfway = halfway.transpose().map_err(failed)?;
+        let midpoint = midpoint.transpose().map_err(failed)?;
         let off_by = |share: f64| {
             let wrench = Wrench::from_vector(wrench.to_vector() * (1.0 + share));
             Ok(self.met(&place, &wrench, &tool, &configuration).map_err(failed)?.off()[0])
         };
         let load_off_m = if u_rel > 0.0 { f64::max(off_by(u_rel)?, off_by(-u_rel)?) } else { after.off()[0] };
         let track = &mut self.track;
-        if let Some(halfway) = halfway {
-            track.halfway.add(halfway.off()[0]);
+        if let Some(midpoint) = midpoint {
+            track.at_midpoints.add(midpoint.off()[0]);
         }
         let [off_before, off_after] = [before.off(), after.off()];
         for i in 0..2 {
@@ -312,7 +312,8 @@ impl Walk<'_> {
         let extent = self.correction.map(|c| &c.extent);
         track.margins.take(self.reach.file, &after.solution, extent, line, tip_m);
         let (before_m, after_m) = (before.tip_off_m, off_after[0]);
-        let loaded = LoadedPoint { line, way_m: self.way_m, tip_m, before_m, after_m, load_off_m, known };
+        let loaded =
+            LoadedPoint { line, path_length_m: self.path_length_m, tip_m, before_m, after_m, load_off_m, known };
         track.take(loaded);
         let point = Point { place, wrench: *wrench, is_begin: false };
         self.last = Some((*asked, point));
@@ -383,7 +384,7 @@ impl Walk<'_> {
         }
         let u_rel = if let Load::Cut(cut) = mv.load { cut.material.u_rel } else { self.request.load_u_rel };
         self.track.estimated += usize::from(matches!(mv.load, Load::Cut(_)));
-        let begun = self.way_m;
+        let begun = self.path_length_m;
         let mut joints = JointTrack::default();
         if !jumps && let Some(stood) = &self.stood {
             joints.add(stood);
@@ -391,7 +392,7 @@ impl Walk<'_> {
         for k in u64::from(!jumps)..=n {
             let (ends, share) = (k == n, k as f64 / n as f64);
             let asked = if ends { mv.to } else { from.between(&mv.to, share) };
-            self.way_m = begun + share * length_m;
+            self.path_length_m = begun + share * length_m;
             self.position =
                 PathPosition { line: mv.line, from: before.filter(|_| !ends).map(|b| b.line), tip_m: asked.tip_m };
             let solution = self.stand(&asked, &self.near, before.is_none())?;
@@ -490,7 +491,7 @@ pub fn walk<'a>(
         arc: JointTrack::default(),
         ended: Wrench::ZERO,
         estimated: None,
-        way_m: 0.0,
+        path_length_m: 0.0,
         position: PathPosition { line: 0, from: None, tip_m: [0.0; 3] },
     };
     for (index, mv) in moves.iter().enumerate() {

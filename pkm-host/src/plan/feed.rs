@@ -107,11 +107,14 @@ impl JointTrack {
 
     /// Whether the move's feed is too much for the joints, with a step's way of the tip in m and turn in rad: velocities at points by the parabola through three, of two
     /// points their mean; accelerations from three points each. What the control does where moves meet is not known here.
-    pub fn too_fast(&self, [way_m, turn_rad]: [f64; 2], mv: &Move, limits: &JointLimits) -> Option<TooFast> {
+    pub fn too_fast(&self, [path_length_m, turn_rad]: [f64; 2], mv: &Move, limits: &JointLimits) -> Option<TooFast> {
         let [of_tip, of_turn] = mv.feed_per_min?;
         // as controls do: the feed is the tip's, and a turn's where the tip stays
-        let (way, feed_per_min, unit) =
-            if way_m > 1e-9 { (way_m * 1e3, of_tip, "mm/min") } else { (turn_rad.to_degrees(), of_turn, "°/min") };
+        let (way, feed_per_min, unit) = if path_length_m > 1e-9 {
+            (path_length_m * 1e3, of_tip, "mm/min")
+        } else {
+            (turn_rad.to_degrees(), of_turn, "°/min")
+        };
         let step_s = Some(60.0 * way / feed_per_min).filter(|s| *s > 0.0)?;
         let share = |velocity, acceleration| {
             JointMotion { velocity, acceleration }.feed_share(&limits.velocity, &limits.acceleration)

@@ -124,7 +124,10 @@ impl<'a> Reach<'a> {
         match least {
             Some((_, message)) => Err(Failure::refused("out_of_travel", message + &hint())),
             None if !beyond.is_empty() => singular(best(&beyond)),
-            None => Err(Failure::refused("unreachable", format!("no posture holds this tool{}", hint()))),
+            None => Err(Failure::refused(
+                "unreachable",
+                format!("no configuration of the five axes reaches this tool{}", hint()),
+            )),
         }
     }
 
@@ -192,7 +195,7 @@ impl<'a> Reach<'a> {
                 (_, words) => words,
             },
             (ToolError::Singular, there) => {
-                let share = there.map_or("it would change sides".to_owned(), |solution| {
+                let share = there.map_or("it would come to the opposite working mode".to_owned(), |solution| {
                     format!("the normalised determinant would be {:.4}", solution.normalised_determinant)
                 });
                 format!(

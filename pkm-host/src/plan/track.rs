@@ -41,8 +41,8 @@ impl Tally {
 pub struct LoadedPoint {
     /// Line of the file that leads to it.
     pub line: u64,
-    /// Way of the tip from the beginning, m.
-    pub way_m: f64,
+    /// Path length of the tip from the beginning, m.
+    pub path_length_m: f64,
     /// Where the tip was asked to be, in B.
     pub tip_m: [f64; 3],
     /// How far the load takes it from there, in B.
@@ -205,7 +205,7 @@ pub struct Track {
     /// As it becomes.
     pub after: [Tally; 2],
     /// Of the tip in m, at midpoints between points.
-    pub halfway: Tally,
+    pub at_midpoints: Tally,
     /// Of the tip in m, as it becomes, if the load is off by its uncertainty: of the loads that have one.
     pub load_off: Tally,
     /// Length of the deflection's expanded uncertainty in m; of no points where the table does not say.
@@ -244,7 +244,7 @@ impl Track {
     }
 
     /// Least normalised Jacobian determinant.
-    pub fn least_share(&self) -> f64 {
+    pub fn min_normalised_determinant(&self) -> f64 {
         self.margins.determinant.map_or(f64::INFINITY, |nearest| nearest.room)
     }
 

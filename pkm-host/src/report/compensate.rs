@@ -14,14 +14,14 @@ use crate::report::path3d;
 /// A determinant below this many times the limit is a warning.
 const WARNING_RATIO: f64 = 1.5;
 /// What may be left between points, as a share of what the load does.
-const MAX_HALFWAY: f64 = 0.1;
+const MAX_AT_MIDPOINTS: f64 = 0.1;
 /// What may be left of the axis' error, as a share of what the load does.
 const MAX_AXIS_LEFT: f64 = 0.5;
 
 /// Of each stretch of the path the greatest value in µm over the way in mm.
 fn along(track: &Track, name: &str, error: Error) -> Series {
     let points = track.stretches.iter().map(|stretch| stretch.greatest(error));
-    let points = points.map(|p| (p.way_m * 1e3, p.error_m(error) * 1e6)).collect();
+    let points = points.map(|p| (p.path_length_m * 1e3, p.error_m(error) * 1e6)).collect();
     Series { name: name.to_owned(), points, mark: Mark::Line }
 }
 
@@ -152,9 +152,9 @@ pub fn unsure(track: &Track) -> Option<String> {
 
 /// Points that are too far apart.
 pub fn far_apart(track: &Track) -> Option<String> {
-    let is_much = track.halfway.max > MAX_HALFWAY * track.before[0].max;
+    let is_much = track.at_midpoints.max > MAX_AT_MIDPOINTS * track.before[0].max;
     is_much.then(|| {
-        let most_um = track.halfway.max * 1e6;
+        let most_um = track.at_midpoints.max * 1e6;
         format!("at midpoints between points {most_um:.2} µm are left: points that are closer leave less (--step-mm)")
     })
 }
@@ -190,8 +190,8 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
         _ => Finding::good(format!("{text}{with_load_off}.")),
     }];
     // what is more is among the warnings
-    if track.halfway.count > 0 && far_apart(track).is_none() {
-        let most_um = track.halfway.max * 1e6;
+    if track.at_midpoints.count > 0 && far_apart(track).is_none() {
+        let most_um = track.at_midpoints.max * 1e6;
         all.push(Finding::good(format!("At midpoints between points at most {most_um:.4} µm are left.")));
     }
     all.extend(of_axis(track));
@@ -204,7 +204,7 @@ fn findings(track: &Track, limit: f64) -> Vec<Finding> {
         all.insert(0, Finding::bad(text));
     }
     all.extend(known(track));
-    let [least, limit] = [track.least_share(), limit].map(|share| 100.0 * share);
+    let [least, limit] = [track.min_normalised_determinant(), limit].map(|share| 100.0 * share);
     let text = format!(
         "Closest to a singularity the determinant is {least:.1} % of that at home; below {limit} % it is refused."
     );
@@ -332,8 +332,8 @@ pub fn text(track: &Track, limit: f64) -> String {
         micro(&before[1]),
         micro(&after[1]),
     );
-    if track.halfway.count > 0 {
-        text.push_str(&format!("of the tip at midpoints between points in µm: {}\n", micro(&track.halfway)));
+    if track.at_midpoints.count > 0 {
+        text.push_str(&format!("of the tip at midpoints between points in µm: {}\n", micro(&track.at_midpoints)));
     }
     if track.load_off.count > 0 {
         text.push_str(&format!("if the load is off by its uncertainty, µm: {}\n", micro(&track.load_off)));
@@ -352,7 +352,7 @@ pub fn text(track: &Track, limit: f64) -> String {
             if lines == 1 { "line" } else { "lines" }
         ));
     }
-    let [least, limit] = [track.least_share(), limit].map(|share| 100.0 * share);
+    let [least, limit] = [track.min_normalised_determinant(), limit].map(|share| 100.0 * share);
     text.push_str(&format!("closest to a singularity: determinant at {least:.1} % of home (limit {limit} %)\n"));
     text
 }
@@ -371,13 +371,13 @@ pub fn document(track: &Track) -> Value {
         "error_after_um": micro(&after[0]),
         "axis_error_before_urad": micro(&before[1]),
         "axis_error_after_urad": micro(&after[1]),
-        "error_halfway_um": (track.halfway.count > 0).then(|| micro(&track.halfway)),
+        "error_at_midpoints_um": (track.at_midpoints.count > 0).then(|| micro(&track.at_midpoints)),
         "error_if_load_off_um": (track.load_off.count > 0).then(|| micro(&track.load_off)),
         "u95_um": (track.u95.count > 0).then(|| micro(&track.u95)),
         "unsure_points": track.unsure,
         "least_known_share": (track.u95.count > 0).then_some(track.least_known_share),
         "estimated_moves": track.estimated,
-        "min_home_share": track.least_share(),
+        "min_normalised_determinant": track.min_normalised_determinant(),
         "nearest_limits": {
             "travel_mm": nearest(&track.margins.travel, 1e3),
             "wrist_deg": nearest(&track.margins.wrist, 1_f64.to_degrees()),

@@ -328,7 +328,7 @@ fn a_program_number_that_stands_twice_is_refused_with_both_lines() {
         ("O100\nM99\nO1\nM99\n", 8, 1),
     ] {
         let (message, line) = why(&format!("{main}{subprograms}"));
-        let said = format!("stands twice: it begins at line {other} already");
+        let said = format!(": it begins at line {other} already");
         assert!(message.contains(&said) && line == at, "{subprograms}: {message}, line {line}");
     }
     // a name may be that of a subprogram and of a loop; two loops may share one

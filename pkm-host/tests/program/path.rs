@@ -171,14 +171,20 @@ fn ik_of_a_tool_undoes_fk() {
                     off(&numbers::<3>(&again["tip_mm"]), &tip) < 1e-5
                         && off(&numbers::<3>(&again["axis"]), &axis) < 1e-8
                 );
-                assert_eq!(solution["home_side"], solution["home_share"].as_f64().unwrap() >= 0.1);
+                assert_eq!(
+                    solution["clear_of_singularity"],
+                    solution["normalised_determinant"].as_f64().unwrap() >= 0.1
+                );
             }
             checked += 1;
         }
     }
     assert!(checked > 8 && other_mode > 1, "{checked}, {other_mode}");
     let home = json(&["ik", "--tip-mm", "-205,0,1137", "--axis", "0,0,1"]);
-    assert!((home["z0_mm"].as_f64().unwrap() - 530.0).abs() < 1e-9 && home["home_share"].as_f64().unwrap() > 0.999_999);
+    assert!(
+        (home["z0_mm"].as_f64().unwrap() - 530.0).abs() < 1e-9
+            && home["normalised_determinant"].as_f64().unwrap() > 0.999_999
+    );
 }
 
 #[test]
@@ -251,7 +257,7 @@ fn a_compensated_csv_leaves_a_thousandth_of_the_deflection() {
         let after = summary["error_after_um"]["max"].as_f64().unwrap();
         assert!(before > 30.0 && after <= 1e-3 * before && (after - worst * 1e3).abs() < 1e-4, "{summary}");
         assert_eq!((&summary["points"], &summary["extrapolated_points"]), (&asked.len().into(), &0.into()));
-        assert!((0.1..2.0).contains(&summary["min_home_share"].as_f64().unwrap()));
+        assert!((0.1..2.0).contains(&summary["min_normalised_determinant"].as_f64().unwrap()));
         assert!(folder.read("out.svg").contains("<svg"));
         let report = folder.read("report.html");
         assert!(report.contains(&format!("takes the tip {before:.1} µm from its path at most")), "{summary}");
@@ -263,7 +269,7 @@ fn a_compensated_csv_leaves_a_thousandth_of_the_deflection() {
     let out = folder.path("filled.csv");
     let filled = json(&["compensate", "--path", &path, "--step-mm", "5", "--out", &out]);
     assert!(filled["points"].as_u64().unwrap() > asked.len() as u64);
-    assert!(filled["error_halfway_um"]["max"].as_f64().unwrap() < 0.1, "{filled}");
+    assert!(filled["error_at_midpoints_um"]["max"].as_f64().unwrap() < 0.1, "{filled}");
 }
 
 const LOADED_ROWS: &str = "x_mm,y_mm,z_mm,i,j,k,fx_n,fy_n,fz_n,mx_nm,my_nm,mz_nm\n\
@@ -281,7 +287,7 @@ fn rows_that_are_far_apart_are_judged_between_them_too() {
     json(&["compensate", "--path", &path, "--step-mm", "177.5", "--out", &out]);
     let middle = &rows(&folder.read("out.csv"), ',')[1][..3];
     let off_um = 1e3 * (0..3).map(|i| (middle[i] - 0.5 * (start[i] + end[i])).powi(2)).sum::<f64>().sqrt();
-    let said_um = summary["error_halfway_um"]["max"].as_f64().unwrap();
+    let said_um = summary["error_at_midpoints_um"]["max"].as_f64().unwrap();
     assert!(off_um > 3.0 && (said_um - off_um).abs() < 0.05 * off_um, "{said_um} {off_um}");
     let warning = summary["warnings"].to_string();
     assert!(
@@ -493,7 +499,7 @@ fn a_program_keeps_its_words_and_is_divided() {
     assert!(points.windows(2).all(|w| off(&w[0][..3], &w[1][..3]) < 2.1 || w[1][2] == 1120.0), "steps of 2 mm");
     let (before, after) = (&summary["error_before_um"]["max"], summary["error_after_um"]["max"].as_f64().unwrap());
     assert!(after <= 1e-3 * before.as_f64().unwrap(), "{summary}");
-    assert!(summary["error_halfway_um"]["max"].as_f64().unwrap() <= 1e-3 * before.as_f64().unwrap(), "{summary}");
+    assert!(summary["error_at_midpoints_um"]["max"].as_f64().unwrap() <= 1e-3 * before.as_f64().unwrap(), "{summary}");
     // what went through once is not taken again
     let again = refused(&["compensate", "--path", &out, "--out", &folder.path("again.ngc")]);
     says(&again, "input", Some(2), &["compensated already"]);

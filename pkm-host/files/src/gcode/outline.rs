@@ -91,9 +91,8 @@ impl Outline {
                 // which of the two a control calls depends on it
                 if let Some(line) = outline.starts.insert(label.name.clone(), at + 1) {
                     let name = label.name;
-                    let why = format!(
-                        "O{name} stands twice: it begins at line {line} already: give one of them another number"
-                    );
+                    let why =
+                        format!("duplicate O{name}: it begins at line {line} already: give one of them another number");
                     return Err((at, why));
                 }
             }

@@ -187,7 +187,8 @@ impl Writer<'_> {
         let part = whole * parts;
         let Some((last, next)) = self.last.zip(next) else { return part };
         let last = turned(&last, |v| self.program.axes.to_base(v));
-        let counted_m = |[way_m, turn_rad]: [f64; 2]| way_m.max(turn_rad.to_degrees() * WAY_OF_TURN_M_PER_DEG);
+        let counted_m =
+            |[path_length_m, turn_rad]: [f64; 2]| path_length_m.max(turn_rad.to_degrees() * WAY_OF_TURN_M_PER_DEG);
         let ahead = place.apart(next);
         let [to_m, ahead_m] = [last.apart(place), ahead].map(counted_m);
         if to_m <= NO_WAY_M || ahead_m <= NO_WAY_M {

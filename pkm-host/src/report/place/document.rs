@@ -17,7 +17,7 @@ fn holes(placement: &Placement) -> Vec<Value> {
             "q_mm": q_mm,
             "theta_deg": theta_deg, "sigma_deg": sigma_deg, "z0_mm": z0_mm,
             "beta1_deg": c.beta_rad[0].to_degrees(), "beta2_deg": c.beta_rad[1].to_degrees(),
-            "home_share": p.solution.normalised_determinant,
+            "normalised_determinant": p.solution.normalised_determinant,
             "k": p.k,
             "deflection_um": um(p),
             "status": if p.outside_box { "outside_box" } else { "ok" },
