@@ -346,9 +346,15 @@ impl Evidence<'_> {
         let mut state = State { declared: start.declared.clone(), blocks: wanted.iter().map(own).collect() };
         let mut l = self.linear(&state, &wanted)?;
         let mut best = self.tuned(&l, set);
-        for _ in 0..steps {
-            let Some((next, new)) = self.step(&state, &self.solve(&l, &best.1)?.0, &wanted) else { break };
-            (state, l) = (next, new);
+        let mut left = steps;
+        for _ in 0..MAX_STEPS {
+            if left == 0 {
+                break;
+            }
+            let Some(step) = self.step((&state, &l), &best.1, &wanted) else { break };
+            // far from an optimum a step counts for nothing
+            left -= usize::from(!step.is_halved);
+            (state, l) = (step.state, step.linear);
             let before = best.0;
             best = self.tuned(&l, &best.1);
             if (best.0 - before).abs() < 0.05 {
@@ -358,14 +364,42 @@ impl Evidence<'_> {
         Some((best.0, best.1, state))
     }
 
-    /// As far toward a state as the model has predictions.
-    fn step(&self, from: &State, to: &State, wanted: &[usize]) -> Option<(State, Linear)> {
-        [1.0, 0.5, 0.25, 0.125].into_iter().find_map(|share| {
+    /// Squares of what a set leaves of the readings at the state where a model is linear, and of the state in units of its prior.
+    fn squares(&self, l: &Linear, set: &Set, state: &State) -> f64 {
+        let p = &l.products[set.level];
+        let scatter = self.rules.declared_scatters[set.scatter];
+        let scaled = |(f, own): &(usize, Vec<f64>)| {
+            let scale = set.members.iter().find(|m| m.0 == *f).map_or(1.0, |m| m.1);
+            own.iter().map(|x| (x / scale).powi(2)).sum::<f64>()
+        };
+        let prior = state.declared.iter().map(|x| (x / scatter).powi(2)).sum::<f64>();
+        let prior = prior + state.blocks.iter().map(scaled).sum::<f64>();
+        // as the model was made: data minus all columns times the state
+        let all = state.declared.iter().chain(state.blocks.iter().flat_map(|b| &b.1)).map(|x| -x).chain([1.0]);
+        let all = DVector::from_iterator(p.held.nrows(), all);
+        (&p.held * &all).dot(&all) + prior
+    }
+
+    /// As far toward the most likely state of a set in the linear model as the model has predictions and the squares get less.
+    fn step(&self, (from, l): (&State, &Linear), set: &Set, wanted: &[usize]) -> Option<Step> {
+        let (to, before) = (self.solve(l, set)?.0, self.squares(l, set, from));
+        [1.0, 0.5, 0.25, 0.125, 0.0625].into_iter().find_map(|share| {
             let mix = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a + share * (b - a)).collect::<Vec<f64>>();
             let blocks = from.blocks.iter().zip(&to.blocks).map(|(a, b)| (a.0, mix(&a.1, &b.1))).collect();
             let state = State { declared: mix(&from.declared, &to.declared), blocks };
-            let l = self.linear(&state, wanted)?;
-            Some((state, l))
+            let linear = self.linear(&state, wanted)?;
+            let after = self.squares(&linear, set, &state);
+            (after <= before).then(|| Step { state, linear, is_halved: after < 0.5 * before })
         })
     }
+}
+
+/// Most Gauss-Newton steps to an optimum, those that halve the squares included.
+const MAX_STEPS: usize = 20;
+
+/// Where a step leads to.
+struct Step {
+    state: State,
+    linear: Linear,
+    is_halved: bool,
 }

@@ -184,6 +184,20 @@ fn a_place_is_found_whatever_its_formula() {
     }
 }
 
+/// What the declared springs would have to do in its stead leads whole Gauss-Newton steps astray, to squares below zero in the linear
+/// model and to nothing found.
+#[test]
+fn a_place_is_found_however_much_it_yields() {
+    let chain = chain();
+    for times in [3.0, 10.0, 30.0, 100.0, 300.0, 1000.0, 3000.0] {
+        for seed in 0..5 {
+            let found = inferred(&chain, &with(&chain, seed, |q, f| times * COMPLIANCE * f * q[0].powf(2.5)));
+            assert_eq!(found.findings[0].rivals[0].places, ["spring 1"], "{times} times, seed {seed}");
+            assert!(found.reduced_chi2 > 0.0, "{times} times, seed {seed}: {}", found.reduced_chi2);
+        }
+    }
+}
+
 #[test]
 fn what_goes_with_no_place_is_said_to_be_nowhere() {
     let chain = chain();
