@@ -81,8 +81,9 @@ pub fn extended(
     shape: f64,
 ) -> Result<(usize, Fit), &'static str> {
     let (problem, rules) = (&levels.problems[level], levels.plain.rules);
+    let most = if candidate.is_free { rules.max_free_amplitude } else { rules.max_amplitude };
     let own = if candidate.start.is_empty() {
-        if step.amax() > rules.max_first_step {
+        if step.amax() > rules.max_first_step * most {
             return Err("larger than plausible");
         }
         start_of(problem, candidate, step, shape)
@@ -104,7 +105,7 @@ pub fn extended(
         let mut negative: Vec<usize> = (0..unknowns.len()).filter(is_negative).collect();
         if negative.is_empty() {
             for (u, x) in unknowns.iter().zip(fit.x.iter()).filter(|(u, _)| is_own(u)) {
-                if is_amplitude(u) && x.abs() > rules.max_amplitude {
+                if is_amplitude(u) && x.abs() > most {
                     return Err("larger than plausible");
                 }
                 if !is_amplitude(u) && x.abs() > rules.max_shape_sd {

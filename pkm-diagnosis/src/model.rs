@@ -112,6 +112,8 @@ pub struct Candidate {
     pub unknowns: Vec<Unknown>,
     /// Where a fit of them begins, if something else has said how large they are; else empty.
     pub start: Vec<f64>,
+    /// Its amplitudes say no more than how much, and may be as great as [`Rules::max_free_amplitude`](crate::Rules::max_free_amplitude).
+    pub is_free: bool,
 }
 
 impl Candidate {

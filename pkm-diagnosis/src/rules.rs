@@ -50,8 +50,10 @@ pub struct Rules {
     pub max_rounds: usize,
     /// Largest plausible amplitude, in units of its scale.
     pub max_amplitude: f64,
-    /// Largest first step of an amplitude that is fitted at all, three times `max_amplitude`: what begins farther out does not
-    /// come back into bounds.
+    /// The same of what says no more than how much: a part that is broken yields many times what it should, and a sensor may stand
+    /// anyhow. Beyond the other bound another name was given to it.
+    pub max_free_amplitude: f64,
+    /// Largest first step that is fitted at all, in largest amplitudes: what begins farther out does not come back into bounds.
     pub max_first_step: f64,
     /// Largest plausible deviation of a shape, in standard deviations of its prior.
     pub max_shape_sd: f64,
@@ -204,7 +206,8 @@ impl Rules {
         max_found: 3,
         max_rounds: 4,
         max_amplitude: 2.0,
-        max_first_step: 6.0,
+        max_free_amplitude: 10.0,
+        max_first_step: 3.0,
         max_shape_sd: 2.5,
         shape_starts: [0.0, -1.5, 1.5],
         same_signal_share: 0.9,

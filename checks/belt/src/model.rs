@@ -149,6 +149,7 @@ impl Model {
             place: p.places[0].to_owned(),
             unknowns: vec![amplitude(n)],
             start: Vec::new(),
+            is_free: false,
         };
         let block = |p: &Possible| Block {
             places: p.places.iter().map(|p| (*p).to_owned()).collect(),

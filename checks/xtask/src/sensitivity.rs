@@ -57,10 +57,10 @@ macro_rules! rules {
 
 /// All but those of what comes before and after the finds: single poses; folds, resamples, proposals, rivals of proposals and `detectable`. `block_levels`
 /// are places in `load_error_levels`, and none of these sets has as many poses as `max_single_poses`.
-const RULES: [Rule; 61] = rules![
+const RULES: [Rule; 62] = rules![
     min_dof_of_channel min_dof_of_kind min_dof_beside_declared min_dof_of_verdict load_error_levels null_draws min_signal full_fits
     max_family_p min_gain min_gain_share min_poses_gaining max_left_out_loss min_prior_gain_share max_found max_rounds
-    max_amplitude max_first_step max_shape_sd shape_starts same_signal_share max_misfit_p min_explained_share
+    max_amplitude max_free_amplitude max_first_step max_shape_sd shape_starts same_signal_share max_misfit_p min_explained_share
     max_explaining_effects max_explaining_measurement_errors max_explaining_load_error min_load_error_gain large_pull_sd alike_cosine min_poses
     max_log10_scale min_rss_ratio implausible_pull_sd max_implausible_pulls max_order_p min_order_share outlier_sd
     outlier_repeat_share max_outlier_share slip_sd max_slip_share min_dof_of_gross far_out_sd max_outliers block_scales declared_scatters

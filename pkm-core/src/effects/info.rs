@@ -91,6 +91,16 @@ pub struct MachineScales {
     pub shortest_m: f64,
     /// Greatest length of any screw, m.
     pub longest_m: f64,
+    /// Usual force on the machine while it is read, N.
+    pub force_n: f64,
+}
+
+impl MachineScales {
+    /// Play and friction of fits and bearings, of which a part of a hand's size has `of_fits_m` and a greater machine a multiple of what a limb
+    /// yields under its usual force.
+    pub fn gap_m(&self, of_fits_m: f64, limbs: f64) -> f64 {
+        of_fits_m.max(limbs * self.axial_m_per_n * self.force_n)
+    }
 }
 
 /// Where and how an effect acts, in the words of a diagnosis' findings (`docs/formats.md`).

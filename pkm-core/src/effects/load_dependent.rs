@@ -40,8 +40,8 @@ impl Effect for Clearance {
     const INFO: EffectInfo = EffectInfo {
         id: "clearance",
         parameters: &[
-            ParameterInfo::new("play_m", 1e-2, Plausible::Within(|_| 30e-6)),
-            ParameterInfo::new("taken_up_n", 1e6, Plausible::Around { median: |_| 20.0, ln_sd: 1.0 }),
+            ParameterInfo::new("play_m", 1e-2, Plausible::Within(|m| m.gap_m(30e-6, 6.0))),
+            ParameterInfo::new("taken_up_n", 1e6, Plausible::Around { median: |m| m.force_n / 25.0, ln_sd: 1.0 }),
         ],
         signed: false,
         expected: Expected {
@@ -70,7 +70,7 @@ impl Effect for ContactStiffening {
         id: "contact-stiffening",
         parameters: &[
             ParameterInfo::new("unloaded_m_per_n", 1e-3, Plausible::Within(|m| 2.0 * m.axial_m_per_n)),
-            ParameterInfo::new("reference_n", 1e6, Plausible::Around { median: |_| 100.0, ln_sd: 1.0 }),
+            ParameterInfo::new("reference_n", 1e6, Plausible::Around { median: |m| m.force_n / 5.0, ln_sd: 1.0 }),
         ],
         signed: false,
         expected: Expected {
@@ -101,13 +101,13 @@ impl Effect for FrictionHysteresis {
     const INFO: EffectInfo = EffectInfo {
         id: "friction-hysteresis",
         parameters: &[
-            ParameterInfo::new("lag_m", 1e-2, Plausible::Within(|_| 5e-6)),
+            ParameterInfo::new("lag_m", 1e-2, Plausible::Within(|m| m.gap_m(5e-6, 1.0))),
             // while the load only grows it is but a softer limb
             ParameterInfo {
                 needs_unloading: true,
                 ..ParameterInfo::new("lag_m_per_n", 1e-3, Plausible::Within(|m| 0.3 * m.axial_m_per_n))
             },
-            ParameterInfo::new("reversal_n", 1e6, Plausible::Around { median: |_| 50.0, ln_sd: 1.0 }),
+            ParameterInfo::new("reversal_n", 1e6, Plausible::Around { median: |m| m.force_n / 10.0, ln_sd: 1.0 }),
         ],
         signed: false,
         expected: Expected {

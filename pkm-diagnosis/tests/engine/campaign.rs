@@ -24,6 +24,7 @@ fn model() -> Table {
             place: String::new(),
             unknowns: vec![Unknown(n)],
             start: Vec::new(),
+            is_free: false,
         })
         .into();
     model

@@ -45,6 +45,7 @@ impl Chain {
             place: name.into(),
             unknowns: unknowns.iter().copied().map(Unknown).collect(),
             start: Vec::new(),
+            is_free: false,
         };
         let candidates = vec![
             candidate("foundation", Kind::Effect, &[FOUNDATION]),

@@ -226,7 +226,11 @@ pub fn plan(machine: &MachineFile, means: &Means, stated: &[Stated]) -> Result<C
             machine.source.name
         ))
     };
-    let model = Model::new(machine, Recorded { temperatures: false, unloading: true }, Method::Formulas);
+    let model = Model::new(
+        machine,
+        Recorded { temperatures: false, unloading: true, force_n: means.force_n },
+        Method::Formulas,
+    );
     let model = model.ok_or_else(unreachable)?;
     let stated = if stated.is_empty() { plausible(&model) } else { stated.to_vec() };
     let targets: Vec<Target> = stated.iter().map(|s| target(&model, s)).collect::<Result<_>>()?;

@@ -1,7 +1,7 @@
 //! Elements as candidates: a compliance at a place of the machine for which no effect has a formula.
 
 use pkm_core::MachineParameters;
-use pkm_core::effects::{Element, Law, MAX_ELEMENT_PARAMETERS, Motion};
+use pkm_core::effects::{Element, Law, MAX_ELEMENT_PARAMETERS, MachineScales, Motion};
 use pkm_diagnosis::{Prior, Role};
 
 use super::model::Recorded;
@@ -88,28 +88,26 @@ pub struct Usual {
     pub axial: f64,
     /// See `axial`.
     pub across: f64,
-    /// Middle and half of a limb's travel, m.
-    pub travel_m: [f64; 2],
+    /// Middle and half of each limb's travel, m.
+    pub travel_m: [[f64; 2]; 3],
 }
 
-/// Tensions above which laws of the load are straight, N: what a person can apply, and a third of it. Nothing bends without end,
-/// and readings under some loads say nothing of how it bends beyond them.
-const STRAIGHT_ABOVE_N: [f64; 2] = [300.0, 100.0];
+/// Tensions above which laws of the load are straight, of the usual force. Nothing bends without end, and readings under some loads
+/// say nothing of how it bends beyond them.
+const STRAIGHT_ABOVE: [f64; 2] = [0.6, 0.2];
 /// Parameters of a law of the load that are not linear in it: what takes up the play, and where the law is straight.
 const LOAD_SHAPES: std::ops::Range<usize> = 5..7;
 /// Index of the compliance over a worn stretch of a limb, that of its middle and half length come after it.
 pub const LOCAL: usize = 4;
-/// Lag that is plausible, and the change of tension that turns it.
-const LAG_M: f64 = 5e-6;
-/// See `LAG_M`.
-const REVERSAL_N: f64 = 50.0;
+/// Lag that is plausible, of fits or in what a limb yields under the usual force, and the change of tension that turns it, of that force.
+const LAG: ([f64; 2], f64) = ([5e-6, 1.0], 0.1);
 /// Share of a compliance that a kelvin may add.
 const SOFTENING_PER_K: f64 = 0.02;
-/// Play that is plausible, and the tension that takes it up.
-const PLAY: (f64, f64) = (30e-6, 20.0);
+/// Play that is plausible, as a lag, and the tension that takes it up, of the usual force.
+const PLAY: ([f64; 2], f64) = ([30e-6, 6.0], 0.04);
 
 /// All families of elements that a diagnosis looks for, in readings with some of the columns.
-pub fn families(usual: &Usual, recorded: Recorded) -> Vec<Family> {
+pub fn families(usual: &Usual, scales: &MachineScales, recorded: Recorded) -> Vec<Family> {
     let mut all: Vec<Family> = [
         ("tool", ["u", "v", "w", "ru", "rv", "rw"]),
         ("moving_platform", ["u", "v", "w", "ru", "rv", "rw"]),
@@ -132,9 +130,9 @@ pub fn families(usual: &Usual, recorded: Recorded) -> Vec<Family> {
             all.push(extension(usual, limbs, "axial", usual.axial, degree));
             all.push(extension(usual, limbs, "lateral", usual.across, degree));
         }
-        all.extend(STRAIGHT_ABOVE_N.map(|straight_above_n| load(usual, limbs, straight_above_n)));
+        all.extend(STRAIGHT_ABOVE.map(|share| load(scales, limbs, share * scales.force_n)));
         if recorded.unloading {
-            all.push(direction(usual, limbs));
+            all.push(direction(scales, limbs));
         }
         if recorded.temperatures {
             all.push(temperature(usual, limbs));
@@ -176,7 +174,9 @@ fn of_limbs(usual: &Usual, limbs: &[usize], part: &str) -> Family {
 fn extension(usual: &Usual, limbs: &[usize], motion: &'static str, scale: f64, degree: usize) -> Family {
     let places = names(limbs, "body");
     let own: Vec<&str> = places.iter().map(String::as_str).collect();
-    let [middle, half] = usual.travel_m;
+    // what several limbs have in common has one middle
+    let own_m = limbs.iter().map(|i| usual.travel_m[*i]);
+    let [middle, half] = own_m.fold([0.0; 2], |[a, b], [m, h]| [a + m, b + h]).map(|sum| sum / limbs.len() as f64);
     let scales = [scale, scale / half, scale / (half * half)];
     let of = |(index, scale): (usize, f64)| {
         let mut p = parameter(&own, motion, "extension", index, scale, false)?;
@@ -188,14 +188,15 @@ fn extension(usual: &Usual, limbs: &[usize], motion: &'static str, scale: f64, d
 }
 
 /// An elongation of bodies that is not linear in their tension.
-fn load(usual: &Usual, limbs: &[usize], straight_above_n: f64) -> Family {
+fn load(scales: &MachineScales, limbs: &[usize], straight_above_n: f64) -> Family {
     let places = names(limbs, "body");
     let own: Vec<&str> = places.iter().map(String::as_str).collect();
-    let (c, n) = (usual.axial, straight_above_n);
-    let scales = [c, c / n, c / n, c / (n * n), PLAY.0];
+    let (c, n, [of_fits_m, of_limbs]) = (scales.axial_m_per_n, straight_above_n, PLAY.0);
+    let taken_up_n = PLAY.1 * scales.force_n;
+    let scales = [c, c / n, c / n, c / (n * n), scales.gap_m(of_fits_m, of_limbs)];
     let of = |(index, scale): (usize, f64)| {
         let mut p = parameter(&own, "axial", "load", index, scale, false)?;
-        p.elements.iter_mut().for_each(|e| e.parameters[LOAD_SHAPES].copy_from_slice(&[PLAY.1, straight_above_n]));
+        p.elements.iter_mut().for_each(|e| e.parameters[LOAD_SHAPES].copy_from_slice(&[taken_up_n, straight_above_n]));
         Some(p)
     };
     let parameters = scales.into_iter().enumerate().filter_map(of).collect();
@@ -203,15 +204,17 @@ fn load(usual: &Usual, limbs: &[usize], straight_above_n: f64) -> Family {
 }
 
 /// An elongation of bodies that lags behind their tension.
-fn direction(usual: &Usual, limbs: &[usize]) -> Family {
+fn direction(scales: &MachineScales, limbs: &[usize]) -> Family {
     let places = names(limbs, "body");
     let own: Vec<&str> = places.iter().map(String::as_str).collect();
+    let ([of_fits_m, of_limbs], reversal_n) = (LAG.0, LAG.1 * scales.force_n);
     let of = |(index, scale): (usize, f64)| {
         let mut p = parameter(&own, "axial", "direction", index, scale, false)?;
-        p.elements.iter_mut().for_each(|e| e.parameters[2] = REVERSAL_N);
+        p.elements.iter_mut().for_each(|e| e.parameters[2] = reversal_n);
         Some(p)
     };
-    let parameters = [LAG_M, 0.3 * usual.axial].into_iter().enumerate().filter_map(of).collect();
+    let lag_m = scales.gap_m(of_fits_m, of_limbs);
+    let parameters = [lag_m, 0.3 * scales.axial_m_per_n].into_iter().enumerate().filter_map(of).collect();
     Family { places, motion: "axial", law: "direction", parameters, start: Vec::new() }
 }
 

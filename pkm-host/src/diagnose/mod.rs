@@ -190,7 +190,7 @@ pub fn diagnose(
 ) -> Result<Diagnosis> {
     let step = |done: u64, what: &str| progress(what, done, STEPS);
     step(0, "noise");
-    let model = Model::new(file, Recorded::of(readings), method)
+    let model = Model::new(file, Recorded::of(file, readings), method)
         .ok_or_else(|| Failure::input("the middle of the machine's box is out of reach").in_file(&file.source.name))?;
     checks_of_noise::constant_channels(readings)?;
     let left_out = LeftOut::new(file, readings, &model, rules);

@@ -46,9 +46,14 @@ pub const MEASUREMENT: [EffectInfo; 4] = [
         "load-point",
         &["load"],
         "the loading gear: where the load acts",
-        &[normal("along_u_m", |_| 5e-3), normal("along_v_m", |_| 5e-3), normal("along_w_m", |_| 5e-3)],
+        &[normal("along_u_m", lever_m), normal("along_v_m", lever_m), normal("along_w_m", lever_m)],
     ),
 ];
+
+/// By how much a load may act beside its point: as a person sets it, or as a great machine is built.
+fn lever_m(scales: &MachineScales) -> f64 {
+    (scales.arm_m / 40.0).max(5e-3)
+}
 
 const fn normal(name: &'static str, sd: fn(&MachineScales) -> f64) -> ParameterInfo {
     ParameterInfo::new(name, f64::INFINITY, Plausible::Within(sd))
@@ -112,18 +117,35 @@ pub enum Meaning {
 pub const CLASS_SD: f64 = 0.5;
 
 /// What the readings were taken with, as far as candidates depend on it.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub struct Recorded {
     /// Temperatures.
     pub temperatures: bool,
     /// Readings while the load went down.
     pub unloading: bool,
+    /// Usual size of the loads, as a force, N.
+    pub force_n: f64,
+}
+
+impl Default for Recorded {
+    /// What is read of a machine of the reference's size.
+    fn default() -> Self {
+        Self { temperatures: false, unloading: false, force_n: 500.0 }
+    }
 }
 
 impl Recorded {
     /// With some readings.
-    pub fn of(readings: &Readings) -> Self {
-        Self { temperatures: readings.has_temperature, unloading: readings.has_unloading }
+    pub fn of(file: &MachineFile, readings: &Readings) -> Self {
+        let arm_m = 0.5 * (file.parameters.geometry.a1_m + file.parameters.geometry.a2_m);
+        let size = |c: &Condition| {
+            let at_a = c.wrench.moved_to_a(c.point_m.into());
+            at_a.force_n.norm().max(at_a.moment_nm.norm() / arm_m)
+        };
+        let loads: Vec<f64> = readings.conditions.iter().map(size).filter(|size| *size > 0.0).collect();
+        let rms = (loads.iter().map(|f| f * f).sum::<f64>() / loads.len() as f64).sqrt();
+        let force_n = if rms.is_finite() { rms } else { Self::default().force_n };
+        Self { temperatures: readings.has_temperature, unloading: readings.has_unloading, force_n }
     }
 }
 
@@ -154,10 +176,11 @@ pub struct Model {
 fn usual(file: &MachineFile) -> Option<Usual> {
     let own: [f64; 6] = compliance(&file.machine, &file.pose_box.middle_pose())?.diagonal().into();
     let travel = &file.parameters.travel;
-    let (short, long) = (travel.min_m[0], travel.max_m[0]);
+    let travel_m =
+        [0, 1, 2].map(|i| [0.5 * (travel.min_m[i] + travel.max_m[i]), 0.5 * (travel.max_m[i] - travel.min_m[i])]);
     // three limbs share a load along w, and bend side by side along u
     let (axial, across) = (3.0 * own[2], 3.0 * own[0]);
-    Some(Usual { terminal: own, axial, across, travel_m: [0.5 * (short + long), 0.5 * (long - short)] })
+    Some(Usual { terminal: own, axial, across, travel_m })
 }
 
 /// Poses at which the declared machine has a stiffness, on a grid of screw lengths over the travel.
@@ -178,7 +201,7 @@ fn reach(file: &MachineFile) -> Vec<Pose<f64>> {
 const REACH_STEPS: usize = 5;
 
 /// Sizes of the machine that those of effects go with.
-fn scales(file: &MachineFile, usual: &Usual) -> MachineScales {
+fn scales(file: &MachineFile, usual: &Usual, force_n: f64) -> MachineScales {
     let declared = file.parameters;
     let angular = declared.limbs.iter().flat_map(|l| {
         let (b, p) = (l.base_joint.angular_nm_per_rad, l.platform_joint.angular_nm_per_rad);
@@ -193,6 +216,7 @@ fn scales(file: &MachineFile, usual: &Usual) -> MachineScales {
         b1_m: declared.geometry.b1_m,
         shortest_m: declared.travel.min_m[0],
         longest_m: declared.travel.max_m.into_iter().fold(0.0, f64::max),
+        force_n,
     }
 }
 
@@ -228,7 +252,7 @@ impl Model {
         }
         let usual = usual(file)?;
         let mut candidates = Vec::new();
-        let scales = scales(file, &usual);
+        let scales = scales(file, &usual, recorded.force_n);
         for effect in 0..COUNT {
             let info = info(effect);
             let mut unknowns = Vec::new();
@@ -250,6 +274,7 @@ impl Model {
                     place: class(&info, recorded).to_owned(),
                     unknowns,
                     start: Vec::new(),
+                    is_free: is_measurement(effect),
                 });
             }
         }
@@ -264,6 +289,7 @@ impl Model {
                 place: if of_limb_3 { LIMB_3 } else { LIMBS_1_2 }.to_owned(),
                 unknowns: vec![unknown],
                 start: Vec::new(),
+                is_free: false,
             });
         }
         let reach = reach(file);
@@ -271,7 +297,7 @@ impl Model {
         let mut this =
             Self { declared, reach, uncertainty, classes, elements, element_places, candidates, parameters, meanings };
         if method == Method::Places {
-            for family in families(&usual, recorded) {
+            for family in families(&usual, &scales, recorded) {
                 this.add_family(family);
             }
         }
@@ -297,7 +323,9 @@ impl Model {
         let place = places.join(", ");
         let names = vec![format!("{ELEMENT} at {place}, {motion}, {law}")];
         self.element_places.insert(self.candidates.len(), Whereabouts { places, motion, law, ln_prior: 0.0 });
-        self.candidates.push(Candidate { names, kind: Kind::Element, place, unknowns, start });
+        // what goes with the load may take any form where its coefficients may take any size
+        let is_free = matches!(law, "constant" | "extension");
+        self.candidates.push(Candidate { names, kind: Kind::Element, place, unknowns, start, is_free });
     }
 
     /// What an unknown changes.

@@ -176,7 +176,7 @@ fn joints_and_bodies_have_uncertainties_of_their_own() {
     let deviations = |keys: &str| -> Vec<(bool, f64)> {
         let text = text.replacen("stiffness = 0.10", keys, 1);
         let file = MachineFile::parse(Source::from_text("m.toml", text)).unwrap();
-        let model = Model::new(&file, Recorded { temperatures: false, unloading: false }, Method::Formulas).unwrap();
+        let model = Model::new(&file, Recorded::default(), Method::Formulas).unwrap();
         let all = Declared::all(&file.parameters).into_iter().zip(&model.parameters);
         all.map(|(d, p)| (d.axis().is_none(), p.prior.value(1.0).ln())).collect()
     };
@@ -211,8 +211,9 @@ fn gains_of_loads_are_those_of_the_deflection() {
 #[test]
 fn candidates_follow_from_what_was_recorded() {
     let file = machine();
-    let of =
-        |temperatures, unloading| Model::new(&file, Recorded { temperatures, unloading }, Method::Formulas).unwrap();
+    let of = |temperatures, unloading| {
+        Model::new(&file, Recorded { temperatures, unloading, ..Recorded::default() }, Method::Formulas).unwrap()
+    };
     let names = |model: &Model| model.candidates.iter().map(|c| c.name()).collect::<Vec<_>>();
     let thermal = |model: &Model| names(model).iter().filter(|n| n.starts_with("thermal-")).count();
     assert_eq!((thermal(&of(false, false)), thermal(&of(true, false))), (0, 2));
@@ -233,10 +234,10 @@ fn candidates_follow_from_what_was_recorded() {
 #[test]
 fn elements_must_leave_the_machine_a_stiffness_all_over_its_travel() {
     let file = machine();
-    let model = Model::new(&file, Recorded { temperatures: false, unloading: true }, Method::Places).unwrap();
+    let model = Model::new(&file, Recorded { unloading: true, ..Recorded::default() }, Method::Places).unwrap();
     let of_law = |law: &str| model.element_places.values().filter(|w| w.law == law).count();
     assert!(of_law("direction") > 0 && of_law("temperature") == 0);
-    let warm = Model::new(&file, Recorded { temperatures: true, unloading: false }, Method::Places).unwrap();
+    let warm = Model::new(&file, Recorded { temperatures: true, ..Recorded::default() }, Method::Places).unwrap();
     assert!(warm.element_places.values().any(|w| w.law == "temperature"));
 
     // the slope of limb 1's axial compliance: its length differs from the middle by half of the travel at most
@@ -259,7 +260,7 @@ fn elements_must_leave_the_machine_a_stiffness_all_over_its_travel() {
 #[test]
 fn an_element_of_temperature_is_felt_when_it_is_warm() {
     let file = machine();
-    let model = Model::new(&file, Recorded { temperatures: true, unloading: false }, Method::Places).unwrap();
+    let model = Model::new(&file, Recorded { temperatures: true, ..Recorded::default() }, Method::Places).unwrap();
     let softer = (0..model.elements.len())
         .find(|n| {
             model.elements[*n].name() == "axial.compliance_m_per_n_per_k" && model.elements[*n].elements.len() == 3

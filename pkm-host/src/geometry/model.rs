@@ -182,7 +182,14 @@ impl Model {
     fn candidate(&mut self, name: &str, place: &str, meanings: Vec<Meaning>, scale: f64) {
         let unknowns = meanings.into_iter().map(|m| self.add(m, scale, Role::Amplitude { one_sided: false })).collect();
         let (names, place) = (vec![name.to_owned()], place.to_owned());
-        self.candidates.push(Candidate { names, kind: Kind::Effect, place, unknowns, start: Vec::new() });
+        self.candidates.push(Candidate {
+            names,
+            kind: Kind::Effect,
+            place,
+            unknowns,
+            start: Vec::new(),
+            is_free: false,
+        });
     }
 
     /// Unknowns of a kind.

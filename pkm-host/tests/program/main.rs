@@ -24,6 +24,7 @@ mod inverse_all;
 mod limits;
 mod loads;
 mod map;
+mod other_machines;
 mod path;
 mod place;
 mod place_front;

@@ -15,7 +15,7 @@ use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
 
 fn model(file: &MachineFile, readings: &Readings) -> Option<Model> {
-    Model::new(file, Recorded::of(readings), Method::Formulas)
+    Model::new(file, Recorded::of(file, readings), Method::Formulas)
 }
 
 fn of_rows(odd: &OddRows, readings: &Readings, more: &str) -> DataWarning {
