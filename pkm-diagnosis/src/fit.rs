@@ -88,9 +88,21 @@ impl Fit {
         self.x.len() as f64 - self.information.inverse().trace()
     }
 
-    /// Standard errors of the unknowns.
-    pub fn standard_errors(&self) -> DVector<f64> {
-        self.information.inverse().diagonal().map(f64::sqrt)
+    /// Covariance of the unknowns where the readings scatter about the model by so many times the variance of their noise: they then say less,
+    /// and the prior as much.
+    pub fn covariance(&self, scatter: f64) -> DMatrix<f64> {
+        let identity = DMatrix::identity(self.x.len(), self.x.len());
+        let of_noise = || self.information.inverse();
+        if scatter == 1.0 {
+            return of_noise();
+        }
+        let of_readings = product(&self.jacobian, &self.jacobian) / scatter;
+        (of_readings + identity).cholesky().map_or_else(of_noise, |information| information.inverse())
+    }
+
+    /// Standard errors of the unknowns, by the same.
+    pub fn standard_errors(&self, scatter: f64) -> DVector<f64> {
+        self.covariance(scatter).diagonal().map(f64::sqrt)
     }
 
     /// Unknowns whose signals are nearly that of another: cosine beyond a limit.

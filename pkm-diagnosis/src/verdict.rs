@@ -8,6 +8,7 @@ use crate::fit::Fit;
 use crate::levels::Levels;
 use crate::model::{Kind, Role, Unknown};
 use crate::noise::{Noise, NoiseSource};
+use crate::rules::Rules;
 use crate::search::{Found, Search};
 use crate::solve::Problem;
 
@@ -23,6 +24,13 @@ pub struct LackOfFit {
     /// Squared misfit beyond what noise may bring (its expectation and two standard deviations), in noise variances.
     #[serde(skip)]
     pub excess: f64,
+}
+
+impl LackOfFit {
+    /// Variance of the readings about the model over that of their noise, as far as there is more than noise.
+    pub fn scatter(&self, rules: &Rules) -> f64 {
+        if self.p < rules.max_misfit_p { self.statistic.max(1.0) } else { 1.0 }
+    }
 }
 
 /// Tests a fit.

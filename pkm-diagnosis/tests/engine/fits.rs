@@ -61,7 +61,10 @@ fn a_linear_fit_is_the_closed_form() {
     for fit in [&fit, &problem.linear(&unknowns(2), DVector::from_vec(vec![0.4, 0.9])).unwrap()] {
         near(fit.ln_evidence(), evidence, 1e-5);
         near(fit.effective_parameters(), eigenvalues.iter().map(|l| l / (1.0 + l)).sum(), 1e-5);
-        (0..2).for_each(|k| near(fit.standard_errors()[k], inverse[(k, k)].sqrt(), 1e-5));
+        (0..2).for_each(|k| near(fit.standard_errors(1.0)[k], inverse[(k, k)].sqrt(), 1e-5));
+        // readings that scatter by three times their noise say a ninth, and the prior as much
+        let vague = (a.transpose() * &a / 9.0 + DMatrix::identity(2, 2)).try_inverse().unwrap();
+        (0..2).for_each(|k| near(fit.standard_errors(9.0)[k], vague[(k, k)].sqrt(), 1e-5));
         let columns = DMatrix::from_fn(n, 3, |i, k| ((i + 1) * (k + 2)) as f64 % 7.0 - 3.0 + a[(i, k % 2)]);
         let truth = columns.transpose() * unexplained(&a) * &columns;
         close(fit.remaining(&columns).as_slice(), truth.as_slice(), 1e-5);
@@ -93,7 +96,7 @@ fn a_curved_fit_ends_at_the_bottom() {
     // a Newton step would win next to nothing, and the truth is within the errors
     let slope = fit.jacobian.transpose() * &fit.residuals - &fit.x;
     assert!(slope.dot(&fit.information.solve(&slope)) < 1e-6);
-    let errors = fit.standard_errors();
+    let errors = fit.standard_errors(1.0);
     for (k, truth) in truth.into_iter().enumerate() {
         assert!((fit.x[k] - truth).abs() < 4.0 * errors[k] && errors[k] < 0.9, "{}{errors}", fit.x);
         let beside = |by: f64| {

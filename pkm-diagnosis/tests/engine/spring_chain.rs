@@ -209,7 +209,7 @@ fn values_beside_a_find_go_by_the_declared_errors() {
             let (x, expected) = (&settled.fit.x, if search.found.is_empty() { &search.fit.x } else { &declared.x });
             assert!((x - expected).amax() < 0.01 * moved, "{x} {expected}");
             assert_eq!(search.found.is_empty(), foundation == 0.0);
-            for (own, before) in settled.fit.standard_errors().iter().zip(search.fit.standard_errors().iter()) {
+            for (own, before) in settled.fit.standard_errors(1.0).iter().zip(search.fit.standard_errors(1.0).iter()) {
                 assert!((own / before - 1.0).abs() < 0.1, "{own} {before}");
             }
         });
@@ -226,7 +226,7 @@ fn what_is_missing_is_named_and_measured() {
     ] {
         let (names, verdict, found) = diagnosed(&chain, &read(&chain, &truth, seed), |_, _, search| {
             let fit = &search.fit;
-            let errors = fit.standard_errors();
+            let errors = fit.standard_errors(1.0);
             let at = |n: usize| fit.unknowns.iter().position(|u| u.0 == n);
             truth.iter().filter_map(|(n, x)| at(*n).map(|k| (fit.x[k] - x) / errors[k])).collect::<Vec<f64>>()
         });

@@ -131,9 +131,10 @@ impl Effect {
 pub const ELEMENT: &str = "element";
 
 /// What stands at the sites: effects by their formula, and what yields without one. Declared values have a list of their own.
-pub fn effects(model: &Model, search: &Search, sites: &[Site]) -> Vec<Effect> {
+/// `scatter` is as for [`Fit::covariance`](pkm_diagnosis::Fit::covariance).
+pub fn effects(model: &Model, search: &Search, sites: &[Site], scatter: f64) -> Vec<Effect> {
     let end = &search.fit;
-    let standard_errors = end.standard_errors();
+    let standard_errors = end.standard_errors(scatter);
     let at = |site: &Site| Effect {
         id: ELEMENT,
         place: site.place.clone(),

@@ -167,11 +167,11 @@ fn state(change: f64, [standard, expanded]: [f64; 2], declared: f64) -> &'static
 }
 
 impl Estimates {
-    /// Of a fit.
-    pub fn new(model: &Model, fit: &Fit, noise: &Noise, pose: Pose<f64>) -> Self {
+    /// Of a fit, about which the readings scatter as [`Fit::covariance`] says.
+    pub fn new(model: &Model, (fit, scatter): (&Fit, f64), noise: &Noise, pose: Pose<f64>) -> Self {
         let coverage = Coverage::of(noise);
         let (names, values) = (names(model, fit), values(model, fit));
-        let covariance = fit.information.inverse();
+        let covariance = fit.covariance(scatter);
         let scaled = |i: usize, j: usize| covariance[(i, j)] * values[i].1 * values[j].1;
         let of = |(n, name): (usize, &String)| {
             let standard_uncertainty = scaled(n, n).sqrt();

@@ -298,7 +298,7 @@ impl Searched<'_> {
         let alternatives = inferred.map(|inferred| alternatives(inferred, model, &search, sites, &is_found));
         let sites: Vec<_> = sites.iter().zip(is_found).filter(|s| s.1).map(|s| s.0.clone()).collect();
         let search = inference::settled(levels, its_noise, &sites, search).ok_or_else(not_converged)?;
-        let mut effects = effects(model, &search, &sites);
+        let mut effects = effects(model, &search, &sites, judgement.after.scatter(rules));
         let is_law_open = add_rivals_of_laws(&mut effects, inferred, rules);
         judgement.verdict = restrained(judgement.verdict, &effects, is_law_open, noise, rules);
         let (problem, extent) = (&levels.problems[search.levels[1]], compare::extent(readings));
@@ -345,7 +345,12 @@ impl Searched<'_> {
             single_poses: readings.poses.len() <= rules.max_single_poses,
             structure,
             machine: model.state(&search.fit.unknowns, search.fit.x.as_slice(), false).machine,
-            estimates: Estimates::new(model, &search.fit, noise, file.pose_box.middle_pose()),
+            estimates: Estimates::new(
+                model,
+                (&search.fit, judgement.after.scatter(rules)),
+                noise,
+                file.pose_box.middle_pose(),
+            ),
             load_error: levels.load_error(search.levels[1]),
             noise: noise.clone(),
             coarse: checks_of_noise::coarse(read, noise),

@@ -291,7 +291,7 @@ mod tests {
         assert_eq!(said, None);
         let negative = own.iter().map(|k| Stiffness::from_lower(&-k.matrix())).collect();
         let (alone, said) = with_correction(&machine, &source, &poses, Ok(negative)).unwrap();
-        assert!(said.unwrap().contains("holds the improved machine alone"));
+        assert!(said.unwrap().contains("holds the identified machine alone"));
         assert_eq!(format!("{:?}", alone.numbers), format!("{:?}", whole.numbers));
     }
 }
