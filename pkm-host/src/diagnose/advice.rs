@@ -1,7 +1,7 @@
 //! What to do first after a diagnosis.
 
 use super::compare::{Rival, of};
-use super::{Diagnosis, Effect, Verdict};
+use super::{Diagnosis, Effect, Verdict, text};
 
 /// Places that are named to be inspected first; the others are among the findings.
 const MAX_INSPECTED: usize = 3;
@@ -22,6 +22,13 @@ fn is_no_remedy(d: &Diagnosis) -> bool {
     let error = |rival: Rival| of(d.held_out.nearest(), rival).map(|e| e.linear_um_rms);
     let errors = error(Rival::After).zip(error(Rival::Reidentified));
     d.effects.iter().any(|e| !e.is_measurement()) && errors.is_some_and(|(after, reidentified)| after >= reidentified)
+}
+
+/// Places in the machine at which something was found that no formula and no element says, for people.
+fn unwritten(d: &Diagnosis) -> String {
+    let places = d.effects.iter().filter(|e| !e.is_measurement() && e.parameters.is_empty());
+    let places = distinct(places.map(|e| text::place(&e.place)));
+    if places.is_empty() { String::new() } else { format!(" but for what no element fits at {}", places.join(" and ")) }
 }
 
 /// What to do first.
@@ -64,11 +71,15 @@ fn of_what_was_found(d: &Diagnosis) -> String {
              re-identified stiffnesses alone, so that it is no remedy."
         ),
         (_, false, true) => {
-            format!("look at {look}; until that is repaired use machine.toml, which has what was found.")
+            format!(
+                "look at {look}; until that is repaired use machine.toml, which has what was found{}.",
+                unwritten(d)
+            )
         }
         (_, false, false) => format!(
-            "look at {look}; until the machine is repaired use machine.toml, which has what was found of it and not the error of \
-             the measurement."
+            "look at {look}; until the machine is repaired use machine.toml, which has what was found of it{} and not the error of \
+             the measurement.",
+            unwritten(d)
         ),
         (_, true, false) => format!(
             "look at {look}; the error of the measurement is not in machine.toml, whose stiffnesses are identified beside it."
