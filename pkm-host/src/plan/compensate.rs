@@ -134,20 +134,6 @@ impl Walk<'_> {
         self.correction.map(|c| &c.table)
     }
 
-    /// Where the unloaded machine stands for a point: at the beginning of a path with a tool axis the nearest of all ways.
-    fn stand(&self, asked: &Place, near: &Configuration<f64>, is_first: bool) -> Result<ToolSolution<f64>> {
-        match asked.toward.axis() {
-            Some(axis) if is_first => {
-                let tool = Tool { tip_m: asked.tip_m.into(), axis: axis.into() };
-                self.reach.nearest(&tool, near).map_err(|f| self.here(f))
-            }
-            _ => {
-                let stood = self.reach.stand(asked, near);
-                stood.map_err(|e| self.failure(e.into(), self.reach.stand_anywhere(asked, near)))
-            }
-        }
-    }
-
     /// What the loaded model makes of a command.
     fn met(
         &self,
@@ -395,7 +381,7 @@ impl Walk<'_> {
             self.path_length_m = begun + share * length_m;
             self.position =
                 PathPosition { line: mv.line, from: before.filter(|_| !ends).map(|b| b.line), tip_m: asked.tip_m };
-            let solution = self.stand(&asked, &self.near, before.is_none())?;
+            let solution = self.reach.along_path(&asked, &self.near, before.is_none()).map_err(|f| self.here(f))?;
             self.near = solution.configuration;
             joints.add(&solution.joints);
             self.stood = Some(solution.joints);

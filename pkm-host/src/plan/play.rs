@@ -2,7 +2,7 @@
 
 use pkm_core::{Configuration, Wrench};
 
-use crate::error::{Failure, Result};
+use crate::error::Result;
 use crate::files::machine::MachineFile;
 use crate::files::path::Move;
 use crate::plan::reach::Reach;
@@ -46,16 +46,7 @@ pub fn played(file: &MachineFile, name: &str, moves: &[Move]) -> Result<Vec<Play
         for k in 1..=n {
             let share = k as f64 / n as f64;
             let place = from.map_or(mv.to, |from| from.to.between(&mv.to, share));
-            let stood = match place.toward.axis().filter(|_| before.is_none()) {
-                Some(axis) => {
-                    let tool = pkm_core::Tool { tip_m: place.tip_m.into(), axis: axis.into() };
-                    reach.nearest(&tool, &near)
-                }
-                None => reach.stand(&place, &near).map_err(|e| {
-                    let (status, why) = reach.refusal(e, reach.stand_anywhere(&place, &near).as_ref());
-                    Failure::refused(status, why)
-                }),
-            };
+            let stood = reach.along_path(&place, &near, before.is_none());
             near = stood.map_err(|f| f.in_file(name).at_line(mv.line))?.configuration;
             // the last always, of many short moves some
             if index + 1 == moves.len() || index % every == 0 {

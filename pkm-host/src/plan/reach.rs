@@ -217,6 +217,20 @@ impl<'a> Reach<'a> {
         stood(&self.five, place, near)
     }
 
+    /// Where the machine stands for a point of a path: where a path begins with a tool axis, the nearest of all configurations.
+    ///
+    /// # Errors
+    /// Refused, with the amount: see [`refusal`](Self::refusal).
+    pub fn along_path(&self, place: &Place, near: &Configuration<f64>, is_first: bool) -> Result<ToolSolution<f64>> {
+        if let Some(axis) = place.toward.axis().filter(|_| is_first) {
+            return self.nearest(&Tool { tip_m: place.tip_m.into(), axis: axis.into() }, near);
+        }
+        self.stand(place, near).map_err(|e| {
+            let (status, why) = self.refusal(e, self.stand_anywhere(place, near).as_ref());
+            Failure::refused(status, why)
+        })
+    }
+
     /// The same [without limits](Self::unlimited).
     pub fn stand_anywhere(&self, place: &Place, near: &Configuration<f64>) -> Option<ToolSolution<f64>> {
         stood(&self.unlimited(), place, near).ok()
