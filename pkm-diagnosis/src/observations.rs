@@ -147,7 +147,7 @@ impl Observations {
             let is_short = |n: usize| n != 0 && n != channels;
             if r.observed.len() != channels || r.sigma.len() != kinds || is_short(r.drawn.len()) {
                 Some(Flaw::Count)
-            } else if r.condition >= self.pose_of.len() || r.series.max(r.repeat_of) > readings {
+            } else if r.condition >= self.pose_of.len() || r.series.max(r.repeat_of) >= readings {
                 Some(Flaw::Number)
             } else if !r.observed.iter().flatten().chain(&r.drawn).all(|value| value.is_finite()) {
                 Some(Flaw::NotFinite)

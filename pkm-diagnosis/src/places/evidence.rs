@@ -389,7 +389,7 @@ impl Evidence<'_> {
             let state = State { declared: mix(&from.declared, &to.declared), blocks };
             let linear = self.linear(&state, wanted)?;
             let after = self.squares(&linear, set, &state);
-            (after <= before).then(|| Step { state, linear, is_halved: after < 0.5 * before })
+            (after <= before).then_some(Step { state, linear, is_halved: after < 0.5 * before })
         })
     }
 }

@@ -203,7 +203,9 @@ pub fn lines_text(lines: &[u64]) -> String {
 /// Text from a file, fit for a terminal or a comment: no control or direction marks, not endless.
 pub fn printable(text: &str) -> String {
     const MAX_LENGTH: usize = 600;
-    let safe = |c: char| if c.is_control() || ('\u{202a}'..='\u{202e}').contains(&c) { '\u{fffd}' } else { c };
+    let is_mark =
+        |c: char| matches!(c, '\u{61c}' | '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}');
+    let safe = |c: char| if c.is_control() || is_mark(c) { '\u{fffd}' } else { c };
     let mut shown: String = text.chars().take(MAX_LENGTH).map(safe).collect();
     if text.chars().nth(MAX_LENGTH).is_some() {
         shown.push('…');

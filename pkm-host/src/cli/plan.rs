@@ -1,5 +1,6 @@
 //! `plan`: poses to measure or compute at; with loads where the plan is to tell rivals apart.
 
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use serde_json::json;
@@ -140,8 +141,7 @@ fn run_discriminate(args: &Args, machine: &MachineFile, session: &mut Session) -
     let mut text = check_first(&measurement);
     text.push_str(&format!("wrote {} at {} to {out}\n", counted(readings, "reading"), counted(poses.len(), "pose")));
     for (n, loads) in poses.iter().enumerate() {
-        let mut pairs: Vec<&[String; 2]> = loads.iter().map(|p| &p.separates).collect();
-        pairs.dedup();
+        let pairs: BTreeSet<&[String; 2]> = loads.iter().map(|p| &p.separates).collect();
         pairs.iter().for_each(|[a, b]| text.push_str(&format!("  {} tells {a} from {b}\n", pose_name(n))));
     }
     let separates: Vec<&[String; 2]> = poses.iter().flatten().map(|p| &p.separates).collect();

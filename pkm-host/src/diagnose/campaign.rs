@@ -16,8 +16,8 @@ use crate::files::machine::MachineFile;
 use crate::files::readings::Readings;
 use crate::files::source::Source;
 
-/// Fewest poses of a campaign: fewer leave little to compare models on.
-const MIN_POSES: usize = 8;
+/// Poses that a campaign begins with, where it may have so many: fewer leave little to compare models on.
+const FIRST_POSES: usize = 8;
 
 /// Share of the largest force that is read on the way up and on the way down: light loads tell what depends on the load, and the way
 /// down what goes with its direction.
@@ -70,6 +70,8 @@ impl std::str::FromStr for Stated {
 pub struct Shown {
     /// That was to be found.
     pub stated: Stated,
+    /// How many poses the campaign begins with.
+    pub first_poses: usize,
     /// The smallest that is found with the first poses, with the campaign, and with every pose of the grid; none where no plausible
     /// one is.
     pub smallest: [Option<f64>; 3],
@@ -86,8 +88,9 @@ impl Shown {
         let size = |s: Option<f64>| s.map_or("none".into(), |s| text::amplitude(&self.stated.parameter, s, None));
         let [first, end, _] = self.smallest.map(size);
         let wanted = text::amplitude(&self.stated.parameter, self.stated.value, None);
+        let first_poses = self.first_poses;
         let how = if self.is_found() { "found" } else { "NOT found" };
-        format!("{}: {wanted} is {how}; smallest {first} with {MIN_POSES} poses, {end} with all", self.stated.id)
+        format!("{}: {wanted} is {how}; smallest {first} with {first_poses} poses, {end} with all", self.stated.id)
     }
 }
 
@@ -246,7 +249,8 @@ pub fn plan(machine: &MachineFile, means: &Means, stated: &[Stated]) -> Result<C
     // with the errors of the loads that are declared
     let whiteners = pkm_diagnosis::levels::whiteners(&plain);
     let problem = plain.with(whiteners.first().ok_or_else(failed)?);
-    let found = campaign(&problem, &targets, MIN_POSES.min(means.poses), means.poses).ok_or_else(failed)?;
+    let first_poses = FIRST_POSES.min(means.poses);
+    let found = campaign(&problem, &targets, first_poses, means.poses).ok_or_else(failed)?;
     let name = |(n, pose): (usize, &usize)| (format!("C{:02}", n + 1), readings.poses[*pose].pose);
     let poses: Vec<(String, Pose<f64>)> = found.poses.iter().enumerate().map(name).collect();
     let (csv, count) = file(means, &poses, "");
@@ -254,7 +258,7 @@ pub fn plan(machine: &MachineFile, means: &Means, stated: &[Stated]) -> Result<C
         .map(|((stated, target), smallest)| {
             let prior = model.parameters[target.unknown.0].prior;
             let size = |x: f64| (x <= rules.max_amplitude).then(|| prior.value(x));
-            Shown { stated, smallest: smallest.map(size) }
+            Shown { stated, first_poses, smallest: smallest.map(size) }
         })
         .collect();
     Ok(Campaign { csv, size: (poses.len(), count), shown })

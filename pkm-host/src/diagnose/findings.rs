@@ -9,6 +9,7 @@ use serde::Serialize;
 use super::declared::Declared;
 use super::model::{self, Meaning, Model, info};
 use super::text;
+use crate::files::pose::ROTATION_ARM_M;
 use crate::files::readings::Readings;
 
 /// A declared value that is wrong.
@@ -139,7 +140,8 @@ pub fn residual_structure(readings: &Readings, observations: &Observations, resi
     let condition = |i: usize| &readings.conditions[readings.readings[i].condition];
     let largest = |i: usize| {
         let (f, m) = (condition(i).wrench.force_n, condition(i).wrench.moment_nm);
-        let all = [f[0], f[1], f[2], m[0] * 5.0, m[1] * 5.0, m[2] * 5.0];
+        let [mx, my, mz] = [0, 1, 2].map(|i| m[i] / ROTATION_ARM_M);
+        let all = [f[0], f[1], f[2], mx, my, mz];
         (0..6).max_by(|a, b| all[*a].abs().total_cmp(&all[*b].abs())).map_or((0, 0.0), |k| (k, all[k]))
     };
     let temperatures: Vec<f64> = readings.conditions.iter().map(|c| c.temperature_c).collect();

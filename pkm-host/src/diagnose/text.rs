@@ -183,7 +183,8 @@ pub fn amplitude(name: &str, value: f64, error: Option<f64>) -> String {
 pub fn load(w: &Wrench<f64>) -> String {
     let of = |names: [&str; 3], values: [f64; 3], unit: &str| {
         let parts = names.into_iter().zip(values).filter(|(_, v)| *v != 0.0);
-        parts.map(|(n, v)| format!("{n} {v:.0} {unit}").replace('-', "−")).collect::<Vec<_>>()
+        let size = |v: f64| if v.abs() < 1.0 { figures(v) } else { format!("{v:.0}") };
+        parts.map(|(n, v)| format!("{n} {} {unit}", size(v)).replace('-', "−")).collect::<Vec<_>>()
     };
     let parts =
         [of(["Fx", "Fy", "Fz"], w.force_n.into(), "N"), of(["Mx", "My", "Mz"], w.moment_nm.into(), "N·m")].concat();

@@ -1,4 +1,4 @@
-//! `compensate`: a tool path that cancels the deflection that the model predicts along it. Long: one walk along the path, step by step.
+//! `compensate`: a tool path that cancels the deflection that the model predicts along it.
 //!
 //! The machine is led along the path in steps, from each configuration to the next, so that it never jumps to another way to
 //! hold the tool; the first point is held as `ik` would. Where a load acts, the command is what [`pkm_core::FiveAxis::compensated`]

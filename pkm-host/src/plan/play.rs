@@ -24,7 +24,7 @@ pub struct PlayedPoint {
     pub is_rapid: bool,
 }
 
-/// Goes along a path from home, as `compensate` does, in at most 5000 points.
+/// Goes along a path from home, as `compensate` does, after a rapid move that begins nobody knows where by the nearest configuration again, in at most 5000 points.
 ///
 /// # Errors
 /// The line at which the machine cannot take the tool.
@@ -46,7 +46,7 @@ pub fn played(file: &MachineFile, name: &str, moves: &[Move]) -> Result<Vec<Play
         for k in 1..=n {
             let share = k as f64 / n as f64;
             let place = from.map_or(mv.to, |from| from.to.between(&mv.to, share));
-            let stood = reach.along_path(&place, &near, before.is_none());
+            let stood = reach.along_path(&place, &near, from.is_none());
             near = stood.map_err(|f| f.in_file(name).at_line(mv.line))?.configuration;
             // the last always, of many short moves some
             if index + 1 == moves.len() || index % every == 0 {
