@@ -160,7 +160,11 @@ pub struct Rules {
     /// ln E behind the best within which an exchange is tried about its own optimum: linear at the best state, evidence is
     /// off by several units.
     pub exchange_margin: f64,
-    /// The same for the rivals of a finding, and how many at most.
+    /// How many exchanges of a member are tried at most.
+    pub exchanges_tried: usize,
+    /// Least gain of ln E for an exchange.
+    pub min_exchange_gain: f64,
+    /// As `exchange_margin`, for the rivals of a finding, and how many at most.
     pub rival_margin: f64,
     /// See `rival_margin`.
     pub rivals_tried: usize,
@@ -254,6 +258,8 @@ impl Rules {
         blocks_tried: 5,
         block_steps: 4,
         exchange_margin: 15.0,
+        exchanges_tried: 3,
+        min_exchange_gain: 0.5,
         rival_margin: 60.0,
         rivals_tried: 10,
         temper_of_places: 2.0,

@@ -57,7 +57,7 @@ macro_rules! rules {
 
 /// All but those of what comes before and after the finds: single poses; folds, resamples, proposals, rivals of proposals and `detectable`. `block_levels`
 /// are places in `load_error_levels`, and none of these sets has as many poses as `max_single_poses`.
-const RULES: [Rule; 62] = rules![
+const RULES: [Rule; 64] = rules![
     min_dof_of_channel min_dof_of_kind min_dof_beside_declared min_dof_of_verdict load_error_levels null_draws min_signal full_fits
     max_family_p min_gain min_gain_share min_poses_gaining max_left_out_loss min_prior_gain_share max_found max_rounds
     max_amplitude max_free_amplitude max_first_step max_shape_sd shape_starts same_signal_share max_misfit_p min_explained_share
@@ -65,7 +65,7 @@ const RULES: [Rule; 62] = rules![
     max_log10_scale min_rss_ratio implausible_pull_sd max_implausible_pulls max_order_p min_order_share outlier_sd
     outlier_repeat_share max_outlier_share slip_sd max_slip_share min_dof_of_gross far_out_sd max_outliers block_scales declared_scatters
     ln_prior_of_scatter ln_prior_of_level ln_prior_of_low_rank min_block_gain max_blocks blocks_tried block_steps
-    exchange_margin rival_margin rivals_tried temper_of_places min_place_probability min_located_probability
+    exchange_margin exchanges_tried min_exchange_gain rival_margin rivals_tried temper_of_places min_place_probability min_located_probability
     min_probability_alone dof_of_declared_noise
 ];
 
