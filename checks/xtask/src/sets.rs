@@ -93,7 +93,7 @@ pub fn misses(truth: &Value, found: &Value) -> Vec<&'static str> {
     let nothing = |list: &Value| list.as_array().is_some_and(Vec::is_empty);
     let all = [
         // whatever the machine lacks, these are readings of it as the file says
-        ("doubts", !nothing(&found["doubts"])),
+        ("data_warnings", !nothing(&found["data_warnings"])),
         ("suspect readings", !nothing(&found["suspect_readings"])),
         (
             "not found",

@@ -162,7 +162,8 @@ impl Search<'_> {
             }
             let ranked = self.ranked(&without, at);
             let floor = self.best.ln - rules.exchange_margin;
-            let close: Vec<Set> = ranked.into_iter().take(rules.exchanges_tried).filter(|r| r.0 > floor).map(|r| r.1).collect();
+            let close: Vec<Set> =
+                ranked.into_iter().take(rules.exchanges_tried).filter(|r| r.0 > floor).map(|r| r.1).collect();
             let tried: Vec<Tried> = close.iter().filter_map(|set| self.tried(set)).collect();
             let best = tried.into_iter().max_by(|a, b| a.ln.total_cmp(&b.ln));
             if let Some(best) = best.filter(|b| b.ln > self.best.ln + rules.min_exchange_gain) {

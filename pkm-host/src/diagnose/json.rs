@@ -77,7 +77,7 @@ impl Diagnosis {
         let micro = |v: &[f64]| v.iter().map(|v| v * 1e6).collect::<Vec<f64>>();
         json!({
             "verdict": self.judgement.verdict,
-            "doubts": self.warnings,
+            "data_warnings": self.warnings,
             "suspect_readings": self.suspects,
             "effects": effects,
             "declared_value_findings": self.declared,

@@ -1,5 +1,5 @@
-//! Every number by which readings are doubted, left out or refused before the statistics take them, with its reason. The thresholds of
-//! the statistics, which some of these checks use as well, are [`Rules`](pkm_diagnosis::Rules).
+//! Numbers by which readings are doubted, left out or refused before the statistics take them, with their reasons; what one check alone
+//! needs stands beside it. The thresholds of the statistics, which some of these checks use as well, are [`Rules`](pkm_diagnosis::Rules).
 
 // single columns
 

@@ -244,9 +244,9 @@ fn unseen(d: &Diagnosis) -> Vec<Finding> {
 
 /// The findings in sentences, the most important first.
 pub(crate) fn findings(d: &Diagnosis) -> Vec<Finding> {
-    let (left_out, doubts): (Vec<_>, Vec<_>) = d.warnings.iter().partition(|w| w.left_out);
+    let (left_out, others): (Vec<_>, Vec<_>) = d.warnings.iter().partition(|w| w.left_out);
     // where the readings themselves are in doubt nothing else counts
-    let mut all: Vec<Finding> = doubts.iter().map(|w| Finding::bad(format!("Check first: {}", w.sentence()))).collect();
+    let mut all: Vec<Finding> = others.iter().map(|w| Finding::bad(format!("Check first: {}", w.sentence()))).collect();
     if Badge::measurement(d).grade == Grade::Bad {
         all.push(Finding::bad(
             "What diagnosis.json says of the machine is left out here: it is what makes up for readings that are not what they are \

@@ -58,7 +58,7 @@ pub struct Verification {
     /// Effects and declared values that were found in either; none where nothing is concluded.
     pub findings: Vec<Fate>,
     /// What to keep in mind.
-    pub doubts: Vec<String>,
+    pub caveats: Vec<String>,
 }
 
 /// Standard deviation of a part that has changed, in units of what is known of the declared value: worn or replaced, it may be several
@@ -217,19 +217,19 @@ fn change(compared: &Compared, of: &Quantity, dof: [Option<f64>; 2], count: usiz
     }
 }
 
-fn doubts(before: &Diagnosed, after: &Diagnosed) -> Vec<String> {
-    let mut doubts = Vec::new();
+fn caveats(before: &Diagnosed, after: &Diagnosed) -> Vec<String> {
+    let mut caveats = Vec::new();
     if before.data_sha256 == after.data_sha256 {
-        doubts.push("both diagnoses are of the same readings: they say nothing of a change".to_owned());
+        caveats.push("both diagnoses are of the same readings: they say nothing of a change".to_owned());
     }
     for (when, d) in [("before", before), ("after", after)] {
         match d.measurement.verdict.as_str() {
             "sound" => {}
-            UNSOUND => doubts.push(format!(
+            UNSOUND => caveats.push(format!(
                 "the measurement {when} is unsound ({}): its stiffnesses make up for the readings and say nothing of the machine",
                 d.measurement.reasons.first().map_or("no reason is given", String::as_str)
             )),
-            other => doubts.push(format!(
+            other => caveats.push(format!(
                 "the measurement {when} is {other}: what it says of the machine may be an error of the readings"
             )),
         }
@@ -238,12 +238,12 @@ fn doubts(before: &Diagnosed, after: &Diagnosed) -> Vec<String> {
             "in_doubt" => "is in doubt",
             _ => "leaves more than noise",
         };
-        doubts.push(format!(
+        caveats.push(format!(
             "the model {when} {what} ({}): its stiffnesses may be farther off than their uncertainties say",
             d.verdict
         ));
     }
-    doubts
+    caveats
 }
 
 /// Compares two diagnoses of one machine; none where one has a covariance that is none.
@@ -257,15 +257,15 @@ pub fn verify(before: &Diagnosed, after: &Diagnosed) -> Option<Verification> {
     let compared =
         |(a, b): &(&Quantity, &Quantity)| change(&likelihood.quantity(&hypotheses, [a, b]), b, dof, pairs.len());
     let mut changes: Vec<Change> = pairs.iter().map(compared).collect();
-    let doubts = doubts(before, after);
+    let caveats = caveats(before, after);
     if [before, after].iter().any(|d| d.measurement.verdict == UNSOUND) {
         changes.iter_mut().for_each(|c| c.verdict = INCONCLUSIVE);
-        return Some(Verification { verdict: INCONCLUSIVE, changes, findings: Vec::new(), doubts });
+        return Some(Verification { verdict: INCONCLUSIVE, changes, findings: Vec::new(), caveats });
     }
     let findings = fates(before, after, &changes);
     let is_changed =
         changes.iter().map(|c| c.verdict).chain(findings.iter().map(|f| f.verdict)).any(|v| v != "unchanged");
-    Some(Verification { verdict: if is_changed { "changed" } else { "unchanged" }, changes, findings, doubts })
+    Some(Verification { verdict: if is_changed { "changed" } else { "unchanged" }, changes, findings, caveats })
 }
 
 #[cfg(test)]

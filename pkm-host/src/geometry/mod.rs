@@ -38,6 +38,8 @@ const MAX_POLISHING_STEPS: usize = 4;
 const MIN_GAIN: f64 = 1e-9;
 /// Most rounds in which single readings are left out.
 const MAX_ROUNDS_OF_OUTLIERS: usize = 3;
+/// Most readings that are left out in a round: more are no slips.
+const MAX_LEFT_OUT: usize = 3;
 /// How well the compliance that each wrench of a limb meets is known where joints strain, as a factor of one standard deviation:
 /// with 2 the stated deviations covered 87 to 94 % of errors, with 4 96 % (120 simulated machines each with 2.5 and 10 µm of noise).
 const GIVE_SD_FACTOR: f64 = 4.0;
@@ -208,7 +210,7 @@ pub fn identify(file: &MachineFile, unloaded: &Unloaded, held_out: Option<&Unloa
         let said = study.said(&study.fits(&[])?.identified)?;
         let found = outliers(&study.observations, &study.noise, &said, &rules);
         let line = |n: usize| kept.readings[n].line;
-        let is_excluded = found.len() <= rules.max_outliers;
+        let is_excluded = found.len() <= MAX_LEFT_OUT;
         suspects.extend(found.iter().map(|(n, sd)| Suspect { line: line(*n), residual_sd: *sd, is_excluded }));
         if found.is_empty() || !is_excluded {
             break;

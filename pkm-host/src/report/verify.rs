@@ -38,7 +38,8 @@ fn findings(v: &Verification) -> Vec<Finding> {
             Finding::warning("What was found has changed, the machine's stiffnesses have not beyond uncertainty.")
         }
     };
-    let mut all: Vec<Finding> = v.doubts.iter().map(|doubt| Finding::bad(format!("Keep in mind: {doubt}."))).collect();
+    let mut all: Vec<Finding> =
+        v.caveats.iter().map(|caveat| Finding::bad(format!("Keep in mind: {caveat}."))).collect();
     all.insert(if v.verdict == "unchanged" { all.len() } else { 0 }, verdict);
     all.extend(changed.iter().skip(1).map(|c| Finding::warning(format!("{}.", sentence(c)))));
     all.extend(v.findings.iter().map(|f| {
@@ -52,12 +53,12 @@ fn findings(v: &Verification) -> Vec<Finding> {
 fn advice(v: &Verification) -> [Finding; 2] {
     let sure = if v.verdict == INCONCLUSIVE {
         "not at all: what makes up for readings that are not what they are taken for is no stiffness of the machine."
-    } else if v.doubts.is_empty() {
+    } else if v.caveats.is_empty() {
         "noise alone would bring a change as great as those that are named in one comparison of a hundred."
     } else {
         "less than the figures say: the two diagnoses can be compared in part only: see what is to be kept in mind."
     };
-    let todo = match (v.verdict, v.doubts.is_empty()) {
+    let todo = match (v.verdict, v.caveats.is_empty()) {
         ("unchanged", true) => "nothing: tables and compensation stay as they are.",
         ("unchanged", false) => {
             "settle what is to be kept in mind and compare again; tables stay as they are until then."
@@ -173,7 +174,7 @@ mod tests {
         };
         let said = |percent: f64| {
             let changes = vec![change(percent), change(0.0)];
-            text(&Verification { verdict: "unchanged", changes, findings: Vec::new(), doubts: Vec::new() })
+            text(&Verification { verdict: "unchanged", changes, findings: Vec::new(), caveats: Vec::new() })
         };
         assert!(said(18.0).contains("k33 is unchanged though beyond its ± 95 %: among 2 quantities"), "{}", said(18.0));
         assert!(!said(15.0).contains("though"), "{}", said(15.0));

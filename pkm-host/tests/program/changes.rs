@@ -59,13 +59,13 @@ fn what_began_at_a_pose_is_no_part_of_the_machine() {
         let diagnosis = diagnosed(set, &data);
         let expected: Vec<&str> = machine.into_iter().chain(["sensor: time"]).collect();
         assert_eq!(found(&diagnosis), expected, "{set}");
-        let doubts = diagnosis["doubts"].as_array().unwrap();
-        assert_eq!((doubts.len(), &doubts[0]["kind"]), (1, &"change_between_poses".into()), "{set}: {doubts:?}");
+        let warnings = diagnosis["data_warnings"].as_array().unwrap();
+        assert_eq!((warnings.len(), &warnings[0]["kind"]), (1, &"change_between_poses".into()), "{set}: {warnings:?}");
         // the first row of the first such pose
-        let line = doubts[0]["lines"][0].as_u64().unwrap() as usize;
+        let line = warnings[0]["lines"][0].as_u64().unwrap() as usize;
         let name = |line: usize| data.lines().nth(line - 1).unwrap().split(',').next().unwrap();
         let first = format!("from pose {} (line {line}) on the readings differ from those before", name(line));
-        assert!(doubts[0]["message"].as_str().unwrap().starts_with(&first), "{doubts:?}");
+        assert!(warnings[0]["message"].as_str().unwrap().starts_with(&first), "{warnings:?}");
         let before: std::collections::BTreeSet<&str> = (2..line).map(name).collect();
         assert_eq!(before.len(), poses / 2);
         assert!(!before.contains(name(line)));

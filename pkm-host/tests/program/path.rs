@@ -196,7 +196,7 @@ fn a_tool_that_cannot_be_held_is_refused_with_the_amount() {
         None,
         &["limb 1", "beyond its travel", "mm long", "gets as far as"],
     );
-    says(&ik("-205,0,137", "0,0,1"), "unreachable", None, &["no posture", "gets as far as tip"]);
+    says(&ik("-205,0,137", "0,0,1"), "unreachable", None, &["no configuration", "gets as far as tip"]);
     // β2 = 30° at home: in the opposite working mode
     let far = FIVE.tool(&at(0.0, 0.0, 530.0, [0.0, 30.0])).unwrap();
     let error = ik(&text((far.tip_m * 1e3).as_slice()), &text(far.axis.as_slice()));

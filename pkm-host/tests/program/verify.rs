@@ -59,7 +59,7 @@ fn concludes_nothing_beside_readings_that_are_unsound(folder: &Folder, before: &
         let found = json(&call);
         assert_eq!(found["verdict"], "inconclusive");
         let why = format!("the measurement {when} is unsound (the loads are in kN)");
-        assert!(found["doubts"].to_string().contains(&why), "{found}");
+        assert!(found["caveats"].to_string().contains(&why), "{found}");
         assert!(found["changes"].as_array().unwrap().iter().all(|c| c["verdict"] == "inconclusive"), "{found}");
         let text = String::from_utf8(run(&call).stdout).unwrap();
         for said in [text, folder.read("nothing/report.html")] {
@@ -215,7 +215,7 @@ fn a_repaired_drive_is_found_with_its_size_and_nothing_is_where_nothing_changed(
     one_effect_at_two_places_is_no_change(&folder, &after, &again);
     // the same readings twice: that is said first, and nobody is told that all is well
     let same = json(&["verify", "--before", &after, "--after", &after, "--out", &folder.path("same")]);
-    assert!(same["doubts"][0].as_str().unwrap().contains("of the same readings"), "{same}");
+    assert!(same["caveats"][0].as_str().unwrap().contains("of the same readings"), "{same}");
     let page = folder.read("same/report.html");
     let at = |text: &str| page.find(text).unwrap_or_else(|| panic!("no {text}"));
     assert!(at("of the same readings") < at("settle what") && at("settle what") < at("Nothing has changed"));

@@ -40,7 +40,7 @@ impl Searcher<'_> {
     }
 
     /// Of all postures that reach a hole the one that costs least, and what they all cost together.
-    pub fn stiffest(&self, objective: Objective, found: &[Vec<Posture>]) -> Judged {
+    pub fn cheapest(&self, objective: Objective, found: &[Vec<Posture>]) -> Judged {
         if objective == Objective::CycleTime {
             let best = self.quickest(found);
             return (self.worth(objective, &best), best);
@@ -53,13 +53,13 @@ impl Searcher<'_> {
 
     /// The same for a goal; `None` where the other objective is greater than it may be.
     pub fn best_of(&self, goal: Goal, found: &[Vec<Posture>]) -> Option<Judged> {
-        let best = self.stiffest(goal.least, found);
+        let best = self.cheapest(goal.least, found);
         let Some((other, most)) = goal.most else { return Some(best) };
         if self.worth(other, &best.1) <= most {
             return Some(best);
         }
         // holes that are reached in other ways
-        let (value, postures) = self.stiffest(other, found);
+        let (value, postures) = self.cheapest(other, found);
         (value <= most).then(|| (self.worth(goal.least, &postures), postures))
     }
 

@@ -143,7 +143,7 @@ impl Searcher<'_> {
                     objectives
                         .iter()
                         .map(|objective| {
-                            let (value, postures) = self.stiffest(*objective, found.as_ref()?);
+                            let (value, postures) = self.cheapest(*objective, found.as_ref()?);
                             let outside_box = postures.iter().any(|p| p.outside_box);
                             Some(Cell { value, mean_k: mean_k(&postures), outside_box })
                         })

@@ -73,7 +73,7 @@ pub struct Placement {
     /// SI.
     pub value: f64,
     /// The grid's best, and its value.
-    pub certified: (Position, f64),
+    pub grid_best: (Position, f64),
     /// Share of the grid that reaches every hole.
     pub feasible_share: f64,
     /// The paper's Q: mean over k11…k66 of (max − optimum)/(max − min), of means over the holes, over the feasible grid.
@@ -171,7 +171,7 @@ impl<'a> Searcher<'a> {
         let count = self.targets.len();
         let found: Vec<_> = (0..count).filter_map(|hole| self.reached(position, hole, state).ok()).collect();
         match count - found.len() {
-            0 => (0, self.stiffest(objective, &found).0),
+            0 => (0, self.cheapest(objective, &found).0),
             missing => (missing, f64::INFINITY),
         }
     }
@@ -241,7 +241,7 @@ pub fn place(
     let placed = |(n, o): (usize, usize)| -> Result<Placement> {
         let (searcher, grid) = (&searchers[n], &grids[n]);
         let Found { best, convergence, certificate } = searcher.found(objectives[o], grid, o, options);
-        let (Some((value, position, holes)), Some(certified)) = (best, grid.best(o)) else {
+        let (Some((value, position, holes)), Some(grid_best)) = (best, grid.best(o)) else {
             return Err(searcher.unreachable(options));
         };
         let middle = PerAxis::of(|axis| 0.5 * (job.limits[axis][0] + job.limits[axis][1]));
@@ -251,7 +251,7 @@ pub fn place(
             objective: objectives[o],
             position,
             value,
-            certified,
+            grid_best,
             feasible_share: grid.feasible_share(),
             q_ratio: grid.q_ratio(o, &mean_k(&holes)),
             before: searcher.judged(objectives[o], &middle, &mut searcher.state()),

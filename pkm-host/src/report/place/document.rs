@@ -29,7 +29,7 @@ fn holes(placement: &Placement) -> Vec<Value> {
 /// What `placement.json` says of a position.
 fn entry(model: &PlacementModel<'_>, options: &Options, placed: &Placed, p: &Placement) -> Value {
     let unit = |value: f64| p.objective.value_in_unit(value);
-    let (at, value) = p.certified;
+    let (at, value) = p.grid_best;
     let step = placed.grids[p.grid].spacing();
     json!({
         "name": series_name(model, p),

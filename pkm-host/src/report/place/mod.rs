@@ -137,7 +137,7 @@ fn overview(model: &PlacementModel<'_>, placed: &Placed) -> Markup {
             format!("{y:.3}"),
             shown(p.value),
             p.before.as_ref().map_or("–".into(), |(before, _)| shown(*before)),
-            shown(p.certified.1),
+            shown(p.grid_best.1),
             worst(&p.holes).map_or("–".into(), |um| format!("{um:.3}")),
             format!("{:.3}", p.q_ratio),
             format!("{:.1}", 100.0 * p.feasible_share),
