@@ -15,7 +15,7 @@ use crate::model::{Known, Model};
 use crate::scalar::Scalar;
 use crate::stiffness::{self, LoadHistory, Stiffness, StiffnessError};
 use crate::thermal::TemperatureRise;
-use crate::types::{Deflection, Pose, Wrench};
+use crate::types::{Deflection, Wrench};
 use crate::wrist::Wrist;
 
 /// Most times that [`FiveAxis::compensated`] works out a deflection. Two or three do where K alone yields, four with clearance.
@@ -240,11 +240,11 @@ impl<T: Scalar> FiveAxis<'_, T> {
     ) -> Result<SVector<T, 5>, ToolDeflectionError> {
         let grown = self.machine.thermal_deflection(&configuration.pose, rise)?;
         let moved = loaded.plus(&self.seen_at_tip(configuration, &grown));
-        near_enough(&configuration.pose, &moved.translation_m)?;
         let frame = self.frame_of(configuration);
         let [_, _, axis] = axes(&frame.axes);
         let target = Tool { tip_m: frame.tip_m - moved.translation_m, axis: axis - moved.rotation_rad.cross(&axis) };
         let state = State::of(configuration);
+        near_enough(state.l, &moved.translation_m)?;
         let newton = self.wrist.newton_step(&state, &target);
         if !(newton.determinant >= self.wrist.margin) {
             return Err(ToolError::Singular.into());
@@ -269,7 +269,8 @@ impl<T: Scalar> FiveAxis<'_, T> {
     ) -> Result<(), ToolDeflectionError> {
         let turned = deflection.rotation_rad * share;
         let now = [deflection.translation_m * share, turned.cross(&(axis - undone[1]))];
-        near_enough(&solution.configuration.pose, &now[0])?;
+        let pose = &solution.configuration.pose;
+        near_enough(pose.z0_m / pose.theta_rad.cos(), &now[0])?;
         let size = |[tip, axis]: [Vector3<T>; 2]| length(&tip) + self.wrist.home_z0 * length(&axis);
         let remaining_m = size([now[0] - undone[0], now[1] - undone[1]]);
         // a deflection may be finite where its square is not
@@ -285,9 +286,8 @@ impl<T: Scalar> FiveAxis<'_, T> {
     }
 }
 
-/// Whether the tip is displaced by no more than is compensated. What is not finite is refused by its own name.
-fn near_enough<T: Scalar>(pose: &Pose<T>, translation_m: &Vector3<T>) -> Result<(), ToolDeflectionError> {
-    // |AB| is Z0 over cos θ
-    let most = T::from_f64(MAX_DISPLACEMENT) * pose.z0_m / pose.theta_rad.cos();
+/// Whether the tip is displaced by no more than is compensated at a distance l from B to A. What is not finite is refused by its own name.
+fn near_enough<T: Scalar>(l: T, translation_m: &Vector3<T>) -> Result<(), ToolDeflectionError> {
+    let most = T::from_f64(MAX_DISPLACEMENT) * l;
     if translation_m.dot(translation_m) > most * most { Err(ToolDeflectionError::TooFar) } else { Ok(()) }
 }
