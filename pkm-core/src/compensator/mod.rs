@@ -140,8 +140,8 @@ impl From<ToolDeflectionError> for Fault {
 pub struct Reading<T> {
     /// Whether to compensate: the machine is homed, on, and the reading means the load on the tool.
     pub enabled: bool,
-    /// Load on the tool, its moment about the tip. For three axes in the axes of A-uvw, for five in those of the tool (T_h, see
-    /// [`WristPosture::axes`](crate::WristPosture::axes)). NaN when there is no reading.
+    /// Load on the tool, its moment about the tip. For three axes in the axes of A-uvw, for five in those of the tool, T_h: at both
+    /// wrist joints' 0 these are u, v, w, and a positive second one turns it about its own −y. NaN when there is no reading.
     pub wrench: Wrench<T>,
     /// How much warmer limbs and platforms are than at the zero reading, each by a sensor of its own or all by one:
     /// `rise_k.into()`. NaN where there is no reading, 0 without a sensor.
