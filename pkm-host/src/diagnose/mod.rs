@@ -50,6 +50,7 @@ mod ways;
 mod within_series;
 pub(crate) mod write;
 
+use pkm_diagnosis::design::rivals;
 use pkm_diagnosis::places::Inferred;
 use pkm_diagnosis::residuals::{Residuals, Structure};
 use pkm_diagnosis::verdict::{self, Judgement};
@@ -271,6 +272,11 @@ fn restrained(verdict: Verdict, effects: &[Effect], is_law_open: bool, noise: &N
     }
 }
 
+/// A verdict that held-out readings bear out: an identified model that they contradict explains nothing.
+fn borne_out(verdict: Verdict, is_contradicted: bool) -> Verdict {
+    if is_contradicted && verdict != Verdict::Adequate { Verdict::Unexplained } else { verdict }
+}
+
 /// A search that has ended, and what it is judged by.
 struct Searched<'a> {
     file: &'a MachineFile,
@@ -316,12 +322,9 @@ impl Searched<'_> {
         let unseen = (held_out.unwrap_or(readings), &held.said[..]);
         let table_uncertainty = judges.uncertainty(file, &fitted, &extent, unseen, judgement.after.excess);
         let contradiction = held.contradiction(&errors);
-        if (held.worse().is_some() || contradiction.is_some()) && judgement.verdict != Verdict::Adequate {
-            judgement.verdict = Verdict::Unexplained;
-        }
+        judgement.verdict = borne_out(judgement.verdict, held.worse().is_some() || contradiction.is_some());
         step(3, "what to measure next");
-        let rivals = pkm_diagnosis::design::rivals(levels, &search);
-        let proposals = design::propose(model, readings, its_noise, file, &rivals, rules);
+        let proposals = design::propose(model, readings, its_noise, file, &rivals(levels, &search), rules);
         let residuals = Residuals::new(problem, its_noise, &search).ok_or_else(not_converged)?;
         let structure = findings::residual_structure(readings, read, &residuals);
         let mut suspects = checks::suspects(given, &left_out.gross, own.of(Rival::After), true);

@@ -277,9 +277,7 @@ impl Walk<'_> {
         };
         let load_off_m = if u_rel > 0.0 { f64::max(off_by(u_rel)?, off_by(-u_rel)?) } else { after.off()[0] };
         let track = &mut self.track;
-        if let Some(midpoint) = midpoint {
-            track.at_midpoints.add(midpoint.off()[0]);
-        }
+        midpoint.iter().for_each(|midpoint| track.at_midpoints.add(midpoint.off()[0]));
         let [off_before, off_after] = [before.off(), after.off()];
         for i in 0..2 {
             track.before[i].add(off_before[i]);
