@@ -155,7 +155,7 @@ pub extern "C" fn pkm_error_text(error: i32) -> *const c_char {
         53 => c"wrist joint 2 would leave its limits",
         60 => c"the machine in memory is damaged",
         61 => c"the wrist in memory is damaged",
-        62 => c"the table is damaged, in memory or on the way",
+        62 => c"the table in memory is damaged",
         63 => c"the library has another machine than the program is for",
         64 => c"the library has another wrist than the program is for",
         65 => c"the library has another table than the program is for",
