@@ -17,7 +17,7 @@ use pkm_core::compensator::{CarriedWeight, Compensator, CompensatorSettings, Loo
 use pkm_core::correction::{
     TableBuffer, TableHeader, TableUncertainty, TableWatch, TransferError, UNCERTAINTY_SPREAD, narrow, spread_terms,
 };
-use pkm_core::effects::{EFFECTS, Element, Law, Motion, Place};
+use pkm_core::effects::{EFFECTS, Element, Law, MachineScales, Motion, Place};
 use pkm_core::estimation::{Amplitude, Estimator, TipReading, Touch, newest, state_bytes};
 use pkm_core::five_axis::rest_to_rest_s;
 use pkm_core::kinematics::platform_axes;
@@ -367,6 +367,18 @@ fn main() -> ! {
     }
     black_box(checksum::over_text(checksum::START, black_box("text")));
     call_elements();
+    let scales = black_box(MachineScales {
+        axial_m_per_n: 1.0,
+        across_m_per_n: 1.0,
+        turning_rad_per_nm: 1.0,
+        tilting_rad_per_nm: 1.0,
+        arm_m: 1.0,
+        b1_m: 1.0,
+        shortest_m: 1.0,
+        longest_m: 1.0,
+        force_n: 1.0,
+    });
+    black_box(scales.gap_m(black_box(1.0), black_box(1.0)));
     let of_temperature = (parameters.effects.soften_with_temperature(), parameters.effects.grow_with_temperature());
     black_box((of_temperature, parameters.effects.preload_limbs()));
     black_box((parameters.effects.below_tool(), narrow(black_box(&[1.0; 8])), black_box(&TABLE_F64).checksum()));
