@@ -244,7 +244,6 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let [_, _, axis] = axes(&frame.axes);
         let target = Tool { tip_m: frame.tip_m - moved.translation_m, axis: axis - moved.rotation_rad.cross(&axis) };
         let state = State::of(configuration);
-        near_enough(state.l, &moved.translation_m)?;
         let newton = self.wrist.newton_step(&state, &target);
         if !(newton.determinant >= self.wrist.margin) {
             return Err(ToolError::Singular.into());
