@@ -2043,7 +2043,7 @@ PkmError pkm_tip_inverse_any_margin_f64(const PkmMachine_f64 *machine,
 // they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is that of the
 // pose to command.
 //
-// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end; DISPLACED_TOO_FAR.
+// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end.
 PKM_MUST_USE
 PkmError pkm_tool_compensated_f64(const PkmMachine_f64 *machine,
                                   const PkmTable_f64 *table,
@@ -2120,7 +2120,7 @@ PkmError pkm_tip_inverse_any_margin_f32(const PkmMachine_f32 *machine,
 // they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is that of the
 // pose to command.
 //
-// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end; DISPLACED_TOO_FAR.
+// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end.
 PKM_MUST_USE
 PkmError pkm_tool_compensated_f32(const PkmMachine_f32 *machine,
                                   const PkmTable_f32 *table,

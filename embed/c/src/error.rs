@@ -300,7 +300,6 @@ impl From<ToolDeflectionError> for PkmError {
         match error {
             ToolDeflectionError::Tool(e) => e.into(),
             ToolDeflectionError::Stiffness(e) => e.into(),
-            ToolDeflectionError::TooFar => Self::DisplacedTooFar,
             _ => Self::Unknown,
         }
     }

@@ -109,7 +109,7 @@ macro_rules! functions {
         /// they do not do, it gives the best that it found, with what remains and `converged` 0. `domain` is that of the
         /// pose to command.
         ///
-        /// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end; DISPLACED_TOO_FAR.
+        /// Errors: those of the inverse kinematics and of `pkm_deflection`, on the way as at its end.
         #[must_use]
         #[unsafe(no_mangle)]
         pub unsafe extern "C" fn $tool_compensated(

@@ -129,7 +129,6 @@ impl From<ToolDeflectionError> for Fault {
         match e {
             ToolDeflectionError::Tool(e) => Self::Tool(e),
             ToolDeflectionError::Stiffness(e) => Self::Correction(e),
-            ToolDeflectionError::TooFar => Self::Compensation(CompensationError::TooFar),
         }
     }
 }

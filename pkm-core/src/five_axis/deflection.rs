@@ -6,7 +6,7 @@ use super::state::State;
 use super::{
     CompensatedTool, Configuration, FiveAxis, Tool, ToolDeflection, ToolDeflectionError, ToolError, ToolSolution,
 };
-use crate::compensation::{self, Doubt, Load, MAX_DISPLACEMENT};
+use crate::compensation::{self, Doubt, Load};
 use crate::correction::{CorrectionTable, TableUncertainty};
 use crate::estimation::Estimator;
 use crate::kinematics::platform_axes;
@@ -122,8 +122,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
     /// * `near`: as for [`inverse`](Self::inverse).
     ///
     /// # Errors
-    /// Those of [`inverse`](Self::inverse) and of [`deflection`](Self::deflection), on the way as at its end; a deflection that moves the
-    /// tip by more than [`MAX_DISPLACEMENT`] of |AB| is refused.
+    /// Those of [`inverse`](Self::inverse) and of [`deflection`](Self::deflection), on the way as at its end.
     pub fn compensated(
         &self,
         table: Option<&CorrectionTable<'_, T>>,
@@ -265,16 +264,14 @@ impl<T: Scalar> FiveAxis<'_, T> {
         (deflection, share): (&ToolDeflection<T>, T),
         undone: &mut [Vector3<T>; 2],
         best: &mut Option<CompensatedTool<T>>,
-    ) -> Result<(), ToolDeflectionError> {
+    ) -> Result<(), StiffnessError> {
         let turned = deflection.rotation_rad * share;
         let now = [deflection.translation_m * share, turned.cross(&(axis - undone[1]))];
-        let pose = &solution.configuration.pose;
-        near_enough(pose.z0_m / pose.theta_rad.cos(), &now[0])?;
         let size = |[tip, axis]: [Vector3<T>; 2]| length(&tip) + self.wrist.home_z0 * length(&axis);
         let remaining_m = size([now[0] - undone[0], now[1] - undone[1]]);
         // a deflection may be finite where its square is not
         if !remaining_m.is_finite() {
-            return Err(StiffnessError::NotFinite.into());
+            return Err(StiffnessError::NotFinite);
         }
         if best.as_ref().is_none_or(|best| remaining_m < best.remaining_m) {
             let converged = remaining_m <= T::from_f64(COMPENSATED_TO) * size(now);
@@ -283,10 +280,4 @@ impl<T: Scalar> FiveAxis<'_, T> {
         *undone = now;
         Ok(())
     }
-}
-
-/// Whether the tip is displaced by no more than is compensated at a distance l from B to A. What is not finite is refused by its own name.
-fn near_enough<T: Scalar>(l: T, translation_m: &Vector3<T>) -> Result<(), ToolDeflectionError> {
-    let most = T::from_f64(MAX_DISPLACEMENT) * l;
-    if translation_m.dot(translation_m) > most * most { Err(ToolDeflectionError::TooFar) } else { Ok(()) }
 }

@@ -2,7 +2,6 @@
 
 use core::fmt;
 
-use crate::compensation::CompensationError;
 use crate::correction::CorrectionError;
 use crate::kinematics::KinematicsError;
 use crate::stiffness::StiffnessError;
@@ -61,8 +60,6 @@ pub enum ToolDeflectionError {
     Tool(ToolError),
     /// There is no stiffness or no deflection in it.
     Stiffness(CorrectionError),
-    /// The tip is displaced by more than [`MAX_DISPLACEMENT`](crate::MAX_DISPLACEMENT) of |AB|: no machine is at work there.
-    TooFar,
 }
 
 impl fmt::Display for ToolDeflectionError {
@@ -70,7 +67,6 @@ impl fmt::Display for ToolDeflectionError {
         match self {
             Self::Tool(e) => e.fmt(f),
             Self::Stiffness(e) => e.fmt(f),
-            Self::TooFar => CompensationError::TooFar.fmt(f),
         }
     }
 }
