@@ -249,7 +249,7 @@ impl Rules {
         max_outliers: 3,
         block_scales: [0.01, 0.03, 0.1, 0.3, 1.0, 3.0],
         declared_scatters: [1.0, 2.0],
-        block_levels: &[0, 2, 4],
+        block_levels: &[0, 2, 4, 5],
         ln_prior_of_scatter: -0.7,
         ln_prior_of_level: -0.3,
         ln_prior_of_low_rank: -2.0,
