@@ -326,17 +326,18 @@ impl Walk<'_> {
         Ok(cutting::wrench(&cut, &mean, &direction))
     }
 
-    /// Whether the load at the beginning of a move is another than at the end of the one before. Where it is, so is the command.
+    /// Whether the load at the beginning of a move is another than at the end of the one before. Where it is, so is the command: a cut
+    /// without load begins where it is programmed. A rapid goes from where the machine stands.
     fn jumps(&mut self, mv: &Move, from: &Place) -> Result<bool> {
-        if !mv.is_loaded() {
-            return Ok(false);
-        }
         let near = self.near;
         let begins = self.wrench(mv, from, 0.0, &near)?;
+        if begins == Wrench::ZERO {
+            return Ok(self.ended != Wrench::ZERO && !mv.is_rapid);
+        }
         let change = (begins.to_vector() - self.ended.to_vector()).norm();
         Ok(match mv.load {
-            Load::Given(_) => begins != self.ended,
-            Load::Cut(_) => begins != Wrench::ZERO && change > LOAD_TOLERANCE * begins.to_vector().norm(),
+            Load::Given(_) => change > 0.0,
+            Load::Cut(_) => change > LOAD_TOLERANCE * begins.to_vector().norm(),
         })
     }
 
@@ -389,7 +390,7 @@ impl Walk<'_> {
             if wrench != Wrench::ZERO && (fill || ends) {
                 let (loaded, point) = self.loaded(&asked, &solution.configuration, &wrench, u_rel)?;
                 (self.near, before_m) = (loaded.configuration, Some(point.error_m(Error::Before)));
-            } else if ends || (fill && mv.is_loaded()) {
+            } else if ends || (fill && (k == 0 || mv.is_loaded())) {
                 self.points.push(Point { place: rounded(&asked, in_program), wrench, is_begin: false });
             }
             if k == 0

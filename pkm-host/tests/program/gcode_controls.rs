@@ -483,3 +483,24 @@ fn line_ends_stay_and_comments_are_read_in_their_encoding() {
     assert_eq!(made.matches('\n').count(), made.matches("\r\n").count());
     assert!(made.contains("(T\u{e4}sche)\r\n") && made.matches("\r\n").count() > 8, "{made}");
 }
+
+/// A wall that is cut and then gone over without load: the second pass began where the first one's load had the command, 60 µm beside.
+#[test]
+fn a_cut_without_load_begins_where_it_is_programmed() {
+    let cut = "(wrench 0,-300,-60,0,0,0)\nG1 Y10 F100\n(wrench 0,0,0,0,0,0)\n";
+    let behind = |moves: &str| -> Vec<String> {
+        let (_, lines) = compensated(&format!("{START}{cut}{moves}M2\n"), &[]);
+        let last = lines.iter().rposition(|l| l.starts_with("X-204.996") && l.contains(" Y10.0589")).unwrap();
+        lines[last + 1..].iter().take_while(|l| *l != "M2").cloned().collect()
+    };
+    let begin = "X-205 Y10 Z1130 A0 B0";
+    assert_eq!(behind("X-175\n"), [begin, "X-175 Y10 Z1130 A0 B0"]);
+    // a rapid goes from where the machine stands
+    assert_eq!(behind("G0 X-175\n"), ["G0 X-175 Y10 Z1130 A0 B0"]);
+    let arc = behind("G2 X-200 Y5 R5\n");
+    assert!(arc.len() > 30 && arc[0].contains(begin) && arc.last().unwrap().contains("X-200 Y5 Z1130"), "{arc:#?}");
+    // a drill that goes sideways has no load
+    let (_, lines) = compensated("G21 G90\nT2 M6\nS2000 M3\nG0 X-205 Y0 Z1130 A0 B0\nG1 Z1135 F300\nX-200\nM2\n", &[]);
+    let side = lines.iter().position(|l| l == "X-205 Y0 Z1135 A0 B0").unwrap();
+    assert!(word(&lines[side - 1], 'Z').unwrap() > 1135.01, "{lines:#?}");
+}
