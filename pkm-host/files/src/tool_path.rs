@@ -13,9 +13,10 @@ use crate::import::encoding;
 use crate::path::{FeedMode, Load, Move, Place, Toward};
 use crate::source::{Source, folder_of};
 
-/// How a comment begins that says of a path that it went through `compensate`: in every program; in a CSV, which others read
-/// line by line, only with something to tell.
+/// How a program's comment begins that says that it went through `compensate`.
 pub const MARK: &str = "pkm-host compensate";
+/// The column of a CSV that says the same: others read its lines one by one, and a comment would be in their way.
+const MARK_COLUMN: &str = "compensated";
 const TOOL_COLUMNS: [&str; 6] = ["x_mm", "y_mm", "z_mm", "i", "j", "k"];
 
 /// A path as it was read.
@@ -46,15 +47,28 @@ pub struct Point {
 pub fn is_program(file: &Path) -> Option<bool> {
     match file.extension().and_then(OsStr::to_str).unwrap_or("").to_lowercase().as_str() {
         "csv" => Some(false),
-        "ngc" | "nc" | "gcode" | "cnc" | "tap" | "mpf" => Some(true),
+        "ngc" | "nc" | "gcode" | "cnc" | "tap" | "mpf" | "eia" | "min" => Some(true),
         _ => None,
     }
 }
 
 /// The same, where it has to say either.
 fn kind_of(path: &Path) -> Result<bool> {
-    let message = "expected a name that ends in .csv, or for G-code in .ngc, .nc, .gcode, .cnc, .tap or .mpf";
+    let message =
+        "expected a name that ends in .csv, or for G-code in .ngc, .nc, .gcode, .cnc, .tap, .mpf, .eia or .min";
     is_program(path).ok_or_else(|| Failure::usage(message).in_file(path.display().to_string()))
+}
+
+/// That a path is compensated already.
+fn compensated_already(name: &str, line: u64) -> Failure {
+    Failure::input("this path is compensated already: give the one that it was made from").in_file(name).at_line(line)
+}
+
+/// Refuses a program with the [mark](MARK), however a control has changed its case, its line numbers or its comments' brackets.
+pub(crate) fn refuse_compensated(program: &Source) -> Result<()> {
+    let mark = format!("{MARK}:");
+    let marked = program.text()?.lines().position(|l| l.to_ascii_lowercase().contains(&mark));
+    marked.map_or(Ok(()), |line| Err(compensated_already(&program.name, line as u64 + 1)))
 }
 
 /// Whether a program's line is ASCII but for its comments.
@@ -81,12 +95,8 @@ impl ToolPath {
         let is_program = kind_of(path)?;
         let given = Source::read(path)?;
         let (source, encoding) = if is_program { decoded(&given)? } else { (given.clone(), None) };
-        let marked = |l: &str| l.strip_prefix(['(', '#']).is_some_and(|l| l.trim_start().starts_with(MARK));
-        if let Some(line) = source.text()?.lines().position(marked) {
-            let message = "this path is compensated already: give the one that it was made from";
-            return Err(Failure::input(message).in_file(source.name).at_line(line as u64 + 1));
-        }
         if is_program {
+            refuse_compensated(&source)?;
             let wrench = wrench.map(|w| Wrench::from_vector(w.into()));
             let mut program = match rs274 {
                 Some(rs274) => Program::parse_by(rs274, &source, folder_of(path), wrench, setup)?,
@@ -100,6 +110,9 @@ impl ToolPath {
             return Err(Failure::usage("--wrench is for G-code: a CSV gives the load in its columns fx_n … mz_nm"));
         }
         let (sheet, moves) = read_csv(source.clone())?;
+        if sheet.header.iter().any(|name| name == MARK_COLUMN) {
+            return Err(compensated_already(&source.name, sheet.header_line));
+        }
         Ok((Self::Csv { sheet, moves }, source))
     }
 
@@ -138,7 +151,7 @@ impl ToolPath {
     /// The path to be written with other places.
     pub fn writer(&self) -> PathWriter<'_> {
         match self {
-            Self::Csv { sheet, .. } => PathWriter::Csv { sheet, rows: Vec::new(), next: 0 },
+            Self::Csv { sheet, .. } => PathWriter::Csv { sheet, rows: Vec::new(), next: 0, is_compensated: false },
             Self::Program(program) => PathWriter::Program(program.writer()),
         }
     }
@@ -149,9 +162,9 @@ impl ToolPath {
 /// # Errors
 /// See [`Sheet`]; an axis without direction.
 pub fn read_csv(source: Source) -> Result<(Sheet, Vec<Move>)> {
-    let known = [&TOOL_COLUMNS[..], &WRENCH_COLUMNS].concat();
-    let sheet = Sheet::parse(source, &known)?;
-    sheet.require(&known)?;
+    let needed = [&TOOL_COLUMNS[..], &WRENCH_COLUMNS].concat();
+    let sheet = Sheet::parse(source, &[&needed[..], &[MARK_COLUMN]].concat())?;
+    sheet.require(&needed)?;
     let mut moves: Vec<Move> = Vec::new();
     for row in &sheet.rows {
         let [x, y, z, i, j, k] = sheet.numbers(row, TOOL_COLUMNS)?;
@@ -186,6 +199,8 @@ pub enum PathWriter<'a> {
         rows: Vec<Vec<String>>,
         /// From 0.
         next: usize,
+        /// Some row has a load, for which its place is another.
+        is_compensated: bool,
     },
     /// G-code.
     Program(Writer<'a>),
@@ -199,7 +214,8 @@ impl PathWriter<'_> {
                 let begins = points.first().is_some_and(|point| point.is_begin);
                 writer.push(points.iter().map(|p| p.place).collect(), begins);
             }
-            Self::Csv { sheet, rows, next } => {
+            Self::Csv { sheet, rows, next, is_compensated } => {
+                *is_compensated |= points.iter().any(|point| point.wrench != Wrench::ZERO);
                 if let Some(row) = sheet.rows.get(*next) {
                     push_rows(sheet, row, points, rows);
                 }
@@ -212,9 +228,14 @@ impl PathWriter<'_> {
     pub fn finish(self, notes: &[String]) -> String {
         match self {
             Self::Program(writer) => writer.finish(notes),
-            Self::Csv { sheet, rows, .. } => {
+            Self::Csv { sheet, mut rows, is_compensated, .. } => {
                 let notes: String = notes.iter().map(|note| format!("# {note}\n")).collect();
-                notes + &dataset::to_csv(sheet.delimiter(), &sheet.header, rows)
+                let mut header = sheet.header.clone();
+                if is_compensated {
+                    header.push(MARK_COLUMN.to_owned());
+                    rows.iter_mut().for_each(|cells| cells.push("1".to_owned()));
+                }
+                notes + &dataset::to_csv(sheet.delimiter(), &header, rows)
             }
         }
     }

@@ -445,6 +445,7 @@ fn what_is_left_to_the_control_is_said() {
         ("(F=10,0,-20)\nG1 X-204 F100\n", "`(F=10,0,-20)` sets no load"),
         ("(F 10 0 -20 N)\nG1 X-204 F100\n", "`(F 10 0 -20 N)` sets no load"),
         ("G61 G1 X-204 F100\n", "a cut in G61 (exact stop)"),
+        ("G81 X-204 Y1 Z1135 R1132 F100\n", "a drilling cycle without G98 or G99: read as G98"),
         ("G61.1 G1 X-204 F100\nX-203\n", "a cut in G61 (exact stop) (first of 2 such lines)"),
     ] {
         let found = warnings(cut);
@@ -457,6 +458,10 @@ fn what_is_left_to_the_control_is_said() {
         "(F500 S12000)\nG1 X-204 F100\n",
         "G61\nG64\nG1 X-204 F100\n",
         "G93 G1 X-204 F10\n",
+        "G98 G81 X-204 Y1 Z1135 R1132 F100\n",
+        "G99 G81 X-204 Y1 Z1135 R1132 F100\n",
+        // back to the height before it is back to R
+        "G81 X-204 Y1 Z1135 R1130 F100\n",
     ] {
         assert_eq!(warnings(cut), [""; 0], "{cut}");
     }

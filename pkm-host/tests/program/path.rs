@@ -441,7 +441,10 @@ fn spreadsheets_are_read_as_they_are() {
     json(&["compensate", "--path", &folder.write("sheet.csv", &sheet), "--out", &folder.path("sheet-out.csv")]);
     let found = folder.read("sheet-out.csv");
     let line = found.lines().last().unwrap();
-    assert!(line.starts_with("\"first; cut\";") && line.ends_with(";100;-50;-60,5;0;0;1"), "{line}");
+    assert!(line.starts_with("\"first; cut\";") && line.ends_with(";100;-50;-60,5;0;0;1;1"), "{line}");
+    // what went through once is not taken again
+    let again = refused(&["compensate", "--path", &folder.path("sheet-out.csv"), "--out", &folder.path("again.csv")]);
+    says(&again, "input", Some(1), &["compensated already"]);
     let expected = folder.read("plain-out.csv");
     let expected = expected.lines().last().unwrap().replace(',', ";").replace('.', ",");
     assert_eq!(line, format!("\"first; cut\";{expected}"));
@@ -500,10 +503,16 @@ fn a_program_keeps_its_words_and_is_divided() {
     let (before, after) = (&summary["error_before_um"]["max"], summary["error_after_um"]["max"].as_f64().unwrap());
     assert!(after <= 1e-3 * before.as_f64().unwrap(), "{summary}");
     assert!(summary["error_at_midpoints_um"]["max"].as_f64().unwrap() <= 1e-3 * before.as_f64().unwrap(), "{summary}");
-    // what went through once is not taken again
-    let again = refused(&["compensate", "--path", &out, "--out", &folder.path("again.ngc")]);
-    says(&again, "input", Some(2), &["compensated already"]);
-    assert!(!folder.has("again.ngc"));
+    // what went through once is not taken again, whatever a control made of the comment
+    let again = |path: &str, line: u64| {
+        let again = refused(&["compensate", "--path", path, "--out", &folder.path("again.ngc")]);
+        says(&again, "input", Some(line), &["compensated already"]);
+        assert!(!folder.has("again.ngc"));
+    };
+    again(&out, 2);
+    again(&folder.write("upper.ngc", &written.to_uppercase()), 2);
+    again(&folder.write("numbered.ngc", &written.replace("(pkm-host", "N1 (pkm-host")), 2);
+    again(&folder.write("semicolon.ngc", &written.replace("(pkm-host", "; pkm-host")), 2);
     // the fast moves have no load and stay where they were
     assert!(written.contains("\nN30 G0 X-235 Y-20 Z1120 I-0.058041 J-0.038694 K0.997564\n"), "{written}");
 }
@@ -687,7 +696,8 @@ fn a_controls_program_goes_through_and_says_what_was_made_up_for() {
     let output = run(&["compensate", "--path", &path, "--wrench", "10,0,-20.5,0,0,0", "--out", &out]);
     let warning = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && warning.contains("part.nc:6: T2 cuts with the load"), "{warning}");
-    let head = "(pkm-host compensate: machine reference, no table, part.nc, load 10 0 -20.5 0 0 0 N, N m where the program sets none)\nO1001 (PART)\n";
+    // behind the program's number, which controls look for in the first line
+    let head = "O1001 (PART)\n(pkm-host compensate: machine reference, no table, part.nc, load 10 0 -20.5 0 0 0 N, N m where the program sets none)\n";
     assert!(folder.read("out.nc").starts_with(head), "{}", folder.read("out.nc"));
     let told = program.replace("T2 M6\n", "T2 M6\n(wrench 1,0,0,0,0,0)\n");
     let path = folder.write("part.nc", &told);

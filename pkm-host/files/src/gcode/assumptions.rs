@@ -1,7 +1,7 @@
 //! What a program leaves to the control or to its operator, and how it is read here: said once each.
 
 use super::loads::is_nearly_load;
-use super::modal::Modal;
+use super::modal::{Modal, Motion};
 use super::words::Line;
 use crate::error::printable;
 use crate::path::FeedMode;
@@ -28,6 +28,7 @@ pub(super) struct Assumptions {
     is_exact: bool,
     exact_cuts: First,
     cuts_without_feed: First,
+    holes_without_g98: First,
 }
 
 impl Assumptions {
@@ -56,6 +57,9 @@ impl Assumptions {
     pub fn cuts(&mut self, number: u64, modal: &Modal<'_>) {
         if self.is_exact {
             self.exact_cuts.add(number);
+        }
+        if modal.assumes_g98 && matches!(modal.motion, Some(Motion::Drill(_))) {
+            self.holes_without_g98.add(number);
         }
         let has_feed = match modal.feed_mode {
             FeedMode::OfAMinute => modal.feed_per_min.is_some(),
@@ -97,6 +101,12 @@ impl Assumptions {
                 format!(
                     "a cut in G61 (exact stop){more}: it is written in parts, and the control stops at the end of each: write G64 where the tool \
                      may not dwell"
+                )
+            }),
+            said(&self.holes_without_g98, &|more| {
+                format!(
+                    "a drilling cycle without G98 or G99{more}: read as G98, back to the height before the cycle (Fanuc, Haas); LinuxCNC goes back \
+                     to R: write the one that you mean"
                 )
             }),
             said(&self.cuts_without_feed, &|more| {

@@ -4,6 +4,7 @@
 //! The interpreter prints what a machine would be told, a call a line: `STRAIGHT_FEED(10.000000000, …)`. Before each line of the program it is
 //! given a [comment](mark) that names the line.
 
+use super::codes::{COUPLED, LOADS_GIVEN_TWICE};
 use super::offsets::{name, unknown};
 use super::words::{apart, without_switch};
 use super::{Refusal, Setup};
@@ -230,13 +231,11 @@ impl<'a> Canonical<'a> {
                 return refused("where a probe stops is not known before: run this part of the program by itself");
             }
             "SET_MOTION_OUTPUT_VALUE" | "SET_AUX_OUTPUT_VALUE" => {
-                return refused("M67 and M68 give LinuxCNC's component the load, which would be compensated twice");
+                return refused(&format!("M67, M68: {LOADS_GIVEN_TWICE}"));
             }
             "SET_TOOL_TABLE_ENTRY" => return refused("G10 of tools is not supported: give their lengths with --tools"),
             "RIGID_TAP" | "START_SPEED_FEED_SYNCH" | "START_SPEED_FEED_SYNC" | "SPINDLE_RETRACT_TRAVERSE" => {
-                return refused(
-                    "the feed is coupled to the spindle, and moves that are divided would lose that: leave it to another program",
-                );
+                return refused(COUPLED);
             }
             _ => return refused("not supported"),
         };
@@ -312,11 +311,14 @@ impl<'a> Canonical<'a> {
         self.until_move = [self.expanded.text.len(), self.expanded.lines.len()];
     }
 
+    fn has_word(&self, word: &str) -> bool {
+        let ends = |rest: &str| !rest.starts_with(|c: char| c.is_ascii_digit() || c == '.');
+        self.code.match_indices(word).any(|(at, _)| ends(&self.code[at + word.len()..]))
+    }
+
     /// Whether the line has this word, or one of G whose number is computed.
     fn says(&self, word: &str) -> bool {
-        let ends = |rest: &str| !rest.starts_with(|c: char| c.is_ascii_digit() || c == '.');
-        let found = self.code.match_indices(word).any(|(at, _)| ends(&self.code[at + word.len()..]));
-        found || self.code.contains("G[") || self.code.contains("G#")
+        self.has_word(word) || self.code.contains("G[") || self.code.contains("G#")
     }
 
     /// A work frame that is in force from here on.
@@ -355,7 +357,7 @@ impl<'a> Canonical<'a> {
             (self.implied_z_mm, self.last[2]) = (Some(z_mm + self.length_mm - length_mm), UNKNOWN);
             self.length_mm = length_mm;
         }
-        if length_mm == 0.0 {
+        if length_mm == 0.0 && !(self.says("G43") && self.setup.tools.with_length(self.tool, 0.0, 0.0).is_some()) {
             self.put("G49");
             return Ok(());
         }
@@ -386,6 +388,9 @@ impl<'a> Canonical<'a> {
 
     fn straight(&mut self, motion: &'static str, to: &[f64; 6]) -> Result<(), Refusal> {
         self.check_reference()?;
+        if self.has_word("G74") || self.has_word("G84") {
+            return Err(COUPLED.into());
+        }
         let to = self.in_frame(*to);
         let there = self.in_machine(to);
         let stays = (0..6).all(|i| there[i] == self.last[i] || !is_known(there[i]) && !is_known(self.last[i]));

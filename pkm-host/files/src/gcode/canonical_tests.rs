@@ -17,8 +17,8 @@ const HEAD: &str = "G17 G21 G40 G49 G80 G90 G91.1 G94\n";
 const FAR: &str = "100000000.000000000";
 
 fn setup() -> Setup {
-    let tools =
-        "format = 1\n[[tool]]\nnumber = 7\nlength_mm = 10\ndiameter_mm = 4\n[[tool]]\nnumber = 8\nlength_mm = 10\n";
+    let tools = "format = 1\n[[tool]]\nnumber = 7\nlength_mm = 10\ndiameter_mm = 4\n[[tool]]\nnumber = 8\nlength_mm = 10\n\
+        [[tool]]\nnumber = 9\nlength_mm = 0\n";
     let tools = Tools::parse(&Source::from_text("t.toml", tools.to_owned())).unwrap();
     let offsets = ProgramOffsets {
         frames_mm: [Some([1.0, 2.0, 3.0]), None, None, None, None, None, None, None, None],
@@ -163,9 +163,12 @@ STRAIGHT_TRAVERSE(5.000000000, 2.000000000, 4.000000000, FAR, FAR, FAR)
 USE_TOOL_LENGTH_OFFSET(0.000000000 0.000000000 0.000000000, 0.000000000 0.000000000 0.000000000, 0.000000000 0.000000000 0.000000000)
 STRAIGHT_FEED(6.000000000, 2.000000000, 14.000000000, FAR, FAR, FAR)
 ";
-    let found = expanded(&["G43"], calls).unwrap().text;
-    let expected = "(1: G43)\nG0 X1 Y2 Z3\nG43 H7\nX5 Y2\nX5 Y2 Z4\nG49\nG1 X6 Y2\n";
-    assert_eq!(found, format!("{HEAD}{expected}"));
+    let (calls, off) = calls.split_at(calls.rfind("USE_TOOL").unwrap());
+    let found = |word: &str| expanded(&[&format!("G43 H7\n{word}")], &format!("{calls}@2\n{off}")).unwrap().text;
+    let expected = "(1: G43 H7)\nG0 X1 Y2 Z3\nG43 H7\nX5 Y2\nX5 Y2 Z4\n";
+    assert_eq!(found("G49"), format!("{HEAD}{expected}(2: G49)\nG49\nG1 X6 Y2\n"));
+    // a tool without length here may have one in the control's own table
+    assert_eq!(found("G43 H9"), format!("{HEAD}{expected}(2: G43 H9)\nG43 H9\nG1 X6 Y2\n"));
 }
 
 #[test]
@@ -205,6 +208,8 @@ fn what_has_no_part_in_a_compensated_program_is_refused() {
         ("G38.2", "TURN_PROBE_ON()".to_owned(), "probe"),
         ("G33", "START_SPEED_FEED_SYNC(1.000000,0)".to_owned(), "coupled to the spindle"),
         ("G33.1", "RIGID_TAP(1.0, 2.0, 3.0, 1.0)".to_owned(), "coupled to the spindle"),
+        ("G84 R2", "STRAIGHT_FEED(1.0, 2.0, -5.0, FAR, FAR, FAR)".to_owned(), "coupled to the spindle"),
+        ("g74 r2", "STRAIGHT_FEED(1.0, 2.0, -5.0, FAR, FAR, FAR)".to_owned(), "coupled to the spindle"),
         ("G96 D9", "SET_SPINDLE_MODE(0 1000.000000000)".to_owned(), "G97"),
         ("M3 $1", "START_SPINDLE_CLOCKWISE(1)".to_owned(), "other spindles"),
         ("M66", "WAIT(0, 1, 0, 0.0)".to_owned(), "not supported (WAIT"),

@@ -20,8 +20,15 @@ pub(super) struct Codes {
     pub length: Option<bool>,
 }
 
+/// Why taps and threads are refused.
+pub(super) const COUPLED: &str =
+    "the feed is coupled to the spindle, and moves that are divided would lose that: leave it to another program";
+
+/// Why M67 and M68 are.
+pub(super) const LOADS_GIVEN_TWICE: &str = "it gives LinuxCNC's component the load, which would be compensated twice";
+
 /// What changes no coordinate: cancelled modes, path control, dwell and speed.
-const PASSED: [u16; 12] = [51, 80, 150, 400, 500, 610, 611, 640, 670, 690, 970, 1870];
+const PASSED: [u16; 13] = [50, 51, 80, 150, 400, 500, 610, 611, 640, 670, 690, 970, 1870];
 
 /// Words of which a line has one: what the others say would depend on the control.
 const GROUPS: [&[u16]; 10] = [
@@ -95,8 +102,8 @@ impl Codes {
                 910 => modal.incremental = true,
                 901 => modal.center_is_absolute = true,
                 911 => modal.center_is_absolute = false,
-                980 => modal.retracts_to_r = false,
-                990 => modal.retracts_to_r = true,
+                980 => modal.retracts_to_r = Some(false),
+                990 => modal.retracts_to_r = Some(true),
                 430 | 434 | 2340 => codes.length = Some(true),
                 490 => codes.length = Some(false),
                 930 => modal.set_feed_mode(FeedMode::InverseTime),
@@ -107,7 +114,8 @@ impl Codes {
                         return refused("a second word in the line that takes its coordinates");
                     }
                 }
-                51 if line.has('X') || line.has('Y') => {
+                50 if !line.has('P') => return refused(advice(word.value)),
+                50 | 51 if line.has('X') || line.has('Y') || line.has('I') || line.has('J') => {
                     return refused("splines are not supported: write short moves (G1)");
                 }
                 _ => match frame_of(tenths) {
@@ -149,22 +157,22 @@ fn advice(g: f64) -> &'static str {
         7.0 => "diameters are not supported: write radii (G8)",
         12.1 | 13.1 => "polar interpolation is not supported: let the CAM system write X Y Z and the rotary axes (G1)",
         12.0..=13.9 => "circular pockets are not supported: let the CAM system write the moves (G1, G2, G3)",
+        60.0 | 641.0..=645.9 => "Siemens' path control: write G64, or G61 for an exact stop",
+        70.0 | 71.0 | 700.0 | 710.0 => "units are G20 (inch) and G21 (mm)",
         16.0 => "polar coordinates are not supported: write X and Y",
         31.0 | 38.0..=38.9 => "where a probe stops is not known before: run this part of the program by itself",
         76.0..=76.9 => {
             "fine boring on mills of the Fanuc family, and threading elsewhere: neither is supported; bore with G81 or G82, or leave it to \
              another program"
         }
-        33.0..=33.9 | 74.0 | 84.0 => {
-            "the feed is coupled to the spindle, and moves that are divided would lose that: leave it to another program"
-        }
+        33.0..=33.9 | 74.0 | 84.0 => COUPLED,
         41.0..=42.9 => {
             "compensation of the tool's radius is not supported, since moves are divided: let the CAM system write the path of the tool's centre (G40), or have \
              LinuxCNC's interpreter compute it (--interpreter rs274)"
         }
         43.0..=44.9 => "of tool lengths G43 H, G43.4 H and G49 are supported",
-        51.0 | 51.1 => "scaling and mirroring are not supported: write the moves out",
-        54.0..=54.9 | 110.0..=129.9 | 154.0 => "of work frames G54 to G59.3 are supported",
+        50.1 | 51.0 | 51.1 => "scaling and mirroring are not supported: write the moves out",
+        54.0..=54.9 | 110.0..=129.9 | 154.0 | 500.0..=599.9 => "of work frames G54 to G59.3 are supported",
         65.0..=66.9 => "macros are not supported: write the moves out, or call subprograms with M98",
         68.0..=68.9 | 53.0..=53.9 | 254.0 => {
             "turned work frames are not supported: let the CAM system write the coordinates"
@@ -203,6 +211,7 @@ impl Modal<'_> {
                 format!("the wrist has A and B: {}", self.setup.todo(todo))
             }
             ('E', _) => format!("no axis is E, and {EXPONENT}"),
+            ('D', _) => "D is a tool's radius (Fanuc) or its edge (Siemens), and neither is read: remove it".to_owned(),
             ('H', _) => "H is for G43".to_owned(),
             ('U' | 'V' | 'W', _) => "the machine has no such axis".to_owned(),
             _ => "known are G M, X Y Z, I J K, A B, F S T, N first, H with G43, R P Q L where a cycle, an arc or a dwell \

@@ -9,6 +9,7 @@ use super::words::Line;
 use super::{MAX_MOVES, Setup};
 use crate::error::{Failure, Result};
 use crate::source::Source;
+use crate::tool_path::refuse_compensated;
 
 const MAIN: &str = "pkm-host.ngc";
 const TOOLS: &str = "tool.tbl";
@@ -79,7 +80,9 @@ fn with_subroutines(source: &Source, folder: &Path) -> Result<Vec<(String, Sourc
             let path = folder.join(&name);
             let is_new = !name.contains(['/', '\\']) && sources.iter().skip(1).all(|(n, _)| *n != name);
             if is_new && sources.len() <= MAX_FILES && path.is_file() {
-                sources.push((name, Source::read(&path)?));
+                let subroutine = Source::read(&path)?;
+                refuse_compensated(&subroutine)?;
+                sources.push((name, subroutine));
             }
         }
         next += 1;

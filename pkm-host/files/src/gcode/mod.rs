@@ -36,6 +36,7 @@ use std::path::Path;
 use pkm_core::Wrench;
 
 use self::assumptions::Assumptions;
+use self::codes::LOADS_GIVEN_TWICE;
 use self::expressions::{expand, has_expressions};
 use self::flow::{Flow, Order};
 use self::lengths::Lengths;
@@ -326,12 +327,13 @@ impl Reader<'_> {
         self.assumptions.take(number, line);
         self.loads.take(line, number, self.modal.setup)?;
         (self.modal.tool, self.modal.line) = (self.loads.tool(), number);
-        if let Some(word) = line.words.iter().find(|w| w.is('M', &[72.0, 73.0, 97.0, 198.0])) {
-            return Err(format!(
-                "`{}` is not supported: which words are in force after it is not followed",
-                word.shown()
-            ));
-        }
+        let refused = |numbers: &[f64], why: &str| match line.words.iter().find(|w| w.is('M', numbers)) {
+            Some(word) => Err(format!("`{}` is not supported: {why}", word.shown())),
+            None => Ok(()),
+        };
+        refused(&[72.0, 73.0, 97.0, 198.0], "which words are in force after it is not followed")?;
+        refused(&[66.0], "what an input says is not known before")?;
+        refused(&[67.0, 68.0], LOADS_GIVEN_TWICE)?;
         stops.clear();
         let loaded = self.program.moves.last().is_some_and(Move::is_loaded);
         let content = match self.modal.take(line, loaded, stops)? {

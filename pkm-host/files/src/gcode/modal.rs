@@ -92,8 +92,10 @@ pub(super) struct Modal<'a> {
     pub feed_per_turn: Option<[f64; 2]>,
     /// S.
     pub spindle_per_min: Option<f64>,
-    /// `G99` in place of `G98`.
-    pub retracts_to_r: bool,
+    /// `G99` (true) or `G98`, which is in force where the program says neither.
+    pub retracts_to_r: Option<bool>,
+    /// A hole's end depends on which of them that is.
+    pub assumes_g98: bool,
     pub offsets: Offsets,
     /// The line that is carried out, in the file, from 1.
     pub line: u64,
@@ -134,7 +136,8 @@ impl<'a> Modal<'a> {
             feed_per_min: None,
             feed_per_turn: None,
             spindle_per_min: None,
-            retracts_to_r: false,
+            retracts_to_r: None,
+            assumes_g98: false,
             offsets: Offsets::new(setup),
             line: 0,
             tool: None,
@@ -243,8 +246,11 @@ impl<'a> Modal<'a> {
         let passes = |code: &[f64]| line.words.iter().any(|w| w.is('G', code));
         let allowed = match () {
             () if passes(&[64.0]) => "PQ",
-            () if passes(&[5.1, 8.0, 187.0]) => "PQRE",
+            () if passes(&[5.0, 5.1, 8.0, 187.0]) => "PQRE",
             () if line.words.iter().any(|w| w.is('M', &[98.0])) => "PL",
+            () if line.words.iter().any(|w| w.is('M', &[99.0])) && line.has('P') => {
+                return Err("`M99 P`: a return to a line by its number is not followed: write M99 alone".into());
+            }
             () if line.words.iter().any(|w| w.is('M', &OVERRIDES_AND_OUTPUTS)) => "P",
             () => "",
         };
@@ -321,11 +327,13 @@ impl<'a> Modal<'a> {
             }
             530 => return self.take_machine(line, numbers, stops),
             920 => {
-                here("G92")?;
                 let given = lengths(numbers, self.unit_mm);
                 if given == [None; 3] {
-                    return Err("G92 without X Y Z".into());
+                    return Err(
+                        "G92 without X Y Z; a limit of the spindle's speed (G92 S) is for lathes: remove it".into()
+                    );
                 }
+                here("G92")?;
                 self.offsets.g92(given, self.tip_mm)?;
             }
             _ => self.offsets.cancel_g92()?,

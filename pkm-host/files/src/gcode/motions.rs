@@ -220,7 +220,9 @@ impl Modal<'_> {
         if words.p.is_some_and(|p| p < 0.0) {
             return Err(format!("{drill:?}: P, the dwell, is below 0"));
         }
-        let hole = Hole::new(drill, &words, [r_mm, bottom_mm], (!self.retracts_to_r).then_some(initial_mm))?;
+        let hole =
+            Hole::new(drill, &words, [r_mm, bottom_mm], (self.retracts_to_r != Some(true)).then_some(initial_mm))?;
+        self.assumes_g98 |= self.retracts_to_r.is_none() && hole.clear_mm != hole.r_mm;
         if self.plane == Plane::XY && self.setup.axes.z_goes_out() && bottom_mm > r_mm {
             return Err(format!("{drill:?}: R lies deeper in the workpiece than the hole's bottom Z"));
         }

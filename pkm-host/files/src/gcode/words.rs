@@ -5,7 +5,7 @@ use super::Refusal;
 /// Greatest number of a word but N, S and T.
 const MAX_NUMBER: f64 = 1e9;
 /// For another control's own language.
-const ISO: &str = "is this G-code (DIN/ISO)?";
+const ISO: &str = "is this G-code (DIN/ISO)? Siemens' own language and Heidenhain's Klartext are not read: have the CAM system write DIN/ISO";
 
 /// What to do about `X1e1`, whose E would be a word.
 pub(super) const EXPONENT: &str = "a number with an exponent has to be written out (200, not 2e2)";
@@ -231,6 +231,17 @@ pub(super) fn letter(rest: &str) -> Result<char, Refusal> {
         Some(c @ ('+' | '-' | '*')) => Err(format!(
             "expected a letter with a number, found `{c}`: what is computed stands in brackets, such as #1=[#2+3]"
         )),
+        Some('/') => Err("expected a letter with a number, found `/`: block delete has to begin its line".into()),
+        Some(',') => Err(match rest[1..].trim_start().chars().next() {
+            Some('C' | 'c' | 'R' | 'r') => {
+                "`,C` and `,R`, Fanuc's chamfers and roundings, are not supported: let the CAM system write \
+                                            the moves (G1, G2, G3)"
+                    .into()
+            }
+            Some('0'..='9') => "expected a letter with a number, found `,`: write a decimal point".into(),
+            _ => format!("expected a letter with a number, found `,`: {ISO}"),
+        }),
+        Some(')') => Err("`)` closes no comment: comments do not nest".into()),
         Some(']') => Err("`]` closes no bracket".into()),
         c => Err(format!("expected a letter with a number, found `{}`: {ISO}", c.unwrap_or(' '))),
     }

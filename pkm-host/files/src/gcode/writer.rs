@@ -37,8 +37,8 @@ pub struct Writer<'a> {
     first: usize,
     /// Places of that block's moves so far.
     places: Vec<Written>,
-    /// The line of a `%` at the beginning, and where in the text the notes go: behind it.
-    percent: Option<usize>,
+    /// The last line of a `%` and a program's number at the beginning, and where in the text the notes go: behind it.
+    head_line: Option<usize>,
     head: usize,
     /// Whether the motion in force is rapid, if it is one of G0 and G1.
     rapid: Option<bool>,
@@ -51,10 +51,14 @@ impl Program {
     pub fn writer(&self) -> Writer<'_> {
         let source = self.source.text().unwrap_or_default();
         let lines: Vec<&str> = source.lines().collect();
-        let first = lines.iter().position(|l| !l.trim().is_empty());
+        let is_head = |l: &str| {
+            l.trim() == "%"
+                || Line::parse(l).is_ok_and(|l| l.words.is_empty() && l.label.is_some_and(|o| o.keyword.is_empty()))
+        };
+        let said = || lines.iter().enumerate().filter(|(_, l)| !l.trim().is_empty());
         let mut writer = Writer {
             text: String::with_capacity(2 * source.len()),
-            percent: first.filter(|i| lines[*i].trim() == "%"),
+            head_line: said().take_while(|(_, l)| is_head(l)).map(|(n, _)| n).last(),
             lines,
             program: self,
             block: 0,
@@ -120,7 +124,7 @@ impl Writer<'_> {
                 }
                 (_, Err(_)) => {}
             }
-            if self.percent.is_some_and(|line| block.text == TextAt::Line(line as u32)) {
+            if self.head_line.is_some_and(|line| block.text == TextAt::Line(line as u32)) {
                 self.head = self.text.len();
             }
             self.block += 1;
