@@ -104,7 +104,8 @@ fn among_repeats(mut repeated: Vec<Vec<Number>>, least: f64, rules: &Rules) -> V
             let rank = |at: &usize| if last == 1 { numbers[*at].beyond.abs() } else { deviation(*at) };
             let Some(at) = [0, last].into_iter().max_by(|a, b| rank(a).total_cmp(&rank(b))) else { break };
             let size = deviation(at) / scale.hypot(numbers[at].drawn);
-            if size <= rules.outlier_sd {
+            // of numbers that are equal to the last digit there is no size
+            if !(size > rules.outlier_sd) {
                 break;
             }
             found.push((numbers.remove(at).reading, size));
@@ -194,6 +195,19 @@ mod tests {
             assert_eq!(found(&read_of(seed, 3, repeats, &[], 0.0)), [0; 0], "seed {seed}, {repeats} repeats");
             assert_eq!(found(&read_of(seed, 3, repeats, &[(17, 300.0)], 0.0)), [17], "seed {seed}, {repeats} repeats");
         }
+    }
+
+    /// Ten pairs that were typed twice, beside a thousand numbers without repeats.
+    #[test]
+    fn numbers_that_are_equal_to_the_last_digit_are_no_gross_ones() {
+        let mut equal = read(1, &[]);
+        let number =
+            |n: usize| Reading { condition: n % 1000, repeat_of: n % 1000, ..equal.readings[n % 1000 % 60].clone() };
+        equal.readings = (0..1010).map(number).collect();
+        equal.pose_of = vec![0; 1000];
+        equal.channels[0].resolution = 0.0;
+        let expected: Vec<f64> = (0..1000).map(|c| 95.0 + f64::from(c % 60)).collect();
+        assert!(gross(&equal, &expected, &Rules::DEFAULT).is_empty());
     }
 
     #[test]

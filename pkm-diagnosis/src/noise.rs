@@ -52,7 +52,7 @@ struct Scatter {
     series_weight: f64,
 }
 
-/// What a sum of squares is divided by so that 1/variance is right on average.
+/// What a sum of squares is divided by: so that 1/variance is right on average, where its mean is known well enough for that.
 pub(crate) fn reduced(freedom: f64) -> f64 {
     if freedom > 4.0 { freedom - 2.0 } else { freedom }
 }

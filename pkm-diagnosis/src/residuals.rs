@@ -84,17 +84,17 @@ impl Residuals {
     /// How much of the misfit goes with a factor.
     pub fn structure(&self, observations: &Observations, factor: &Factor<'_>) -> Structure {
         let channels = observations.channels.len();
-        let mut groups: BTreeMap<(i64, usize), (Vec<f64>, f64)> = BTreeMap::new();
-        for (i, r) in self.by_reading.iter().enumerate() {
-            let group = groups.entry((factor.group)(i)).or_insert((vec![0.0; channels], 0.0));
-            group.1 += 1.0;
-            for c in 0..channels {
-                group.0[c] += (factor.sign)(i) * r[c];
+        // of a group and a channel, the sum of its residuals and how many these are
+        let mut sums: BTreeMap<((i64, usize), usize), (f64, f64)> = BTreeMap::new();
+        for (i, (reading, left)) in observations.readings.iter().zip(&self.by_reading).enumerate() {
+            for c in (0..channels).filter(|c| reading.observed[*c].is_some()) {
+                let (sum, count) = sums.entry(((factor.group)(i), c)).or_default();
+                *sum += (factor.sign)(i) * left[c];
+                *count += 1.0;
             }
         }
-        let between: f64 = groups.values().map(|(sums, count)| sums.iter().map(|s| s * s).sum::<f64>() / count).sum();
-        let used = observations.used_channels().iter().filter(|c| **c).count();
-        let dof = (groups.len() * used) as f64;
+        let between: f64 = sums.values().map(|(sum, count)| sum * sum / count).sum();
+        let dof = sums.len() as f64;
         let p = ChiSquared::new(dof).map_or(f64::NAN, |d| d.sf(between));
         let share = if self.excess > 0.0 { ((between - dof) / self.excess).clamp(0.0, 1.0) } else { 0.0 };
         Structure { factor: factor.name, share, p }
@@ -129,4 +129,39 @@ fn outliers(observations: &Observations, residuals: &[Vec<f64>], least: &[f64], 
     found.sort_by(|a, b| b.studentised.total_cmp(&a.studentised));
     found.truncate(rules.max_outliers);
     found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::observations::Reading;
+
+    /// Of two channels the second is read in every tenth reading of a group; there it is off by 3 deviations in one group of two.
+    #[test]
+    fn a_channel_that_is_seldom_read_shows_its_structure() {
+        let is_read = |n: usize| n % 10 == 0;
+        let group = |n: usize| (n as i64 / 50, 0);
+        let reading = |n: usize| Reading {
+            condition: n,
+            repeat_of: n,
+            series: 0,
+            observed: vec![Some(0.0), is_read(n).then_some(0.0)],
+            sigma: vec![None; 2],
+            covariance: None,
+            drawn: Vec::new(),
+        };
+        let channels = vec![Channel { kind: 0, resolution: 0.0 }; 2];
+        let observations =
+            Observations { channels, pose_of: (0..100).collect(), readings: (0..100).map(reading).collect() };
+        let second = |n: usize| if is_read(n) && n < 50 { 3.0 } else { 0.0 };
+        let residuals = Residuals {
+            by_reading: (0..100).map(|n| vec![0.0, second(n)]).collect(),
+            rounding: vec![0.0; 2],
+            excess: 45.0,
+        };
+        let found = residuals.structure(&observations, &Factor { name: "order", group: &group, sign: &|_| 1.0 });
+        // between is 5 · 3², of four sums
+        let expected = ChiSquared::new(4.0).unwrap().sf(45.0);
+        assert!((found.p / expected - 1.0).abs() < 1e-9 && (found.share - 41.0 / 45.0).abs() < 1e-12, "{found:?}");
+    }
 }

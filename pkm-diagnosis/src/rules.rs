@@ -169,7 +169,7 @@ pub struct Rules {
     /// See `rival_margin`.
     pub rivals_tried: usize,
     /// What ln E of a finding's rival places is divided by, beside the reduced χ², before it becomes a probability: forms that no block has make
-    /// evidence sharper than it is. With 3, which practice sets had suggested, 20 of 21 finds that were said with 0.65 to 0.8 were right.
+    /// evidence sharper than it is. 3 was too much: of finds that were then said with 0.65 to 0.8, 20 of 21 were right.
     pub temper_of_places: f64,
     /// Least probability at which a place is named beside the likeliest.
     pub min_place_probability: f64,

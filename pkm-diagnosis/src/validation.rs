@@ -35,6 +35,8 @@ pub struct Errors {
 struct Sums {
     /// Squared errors and readings, by pose.
     by_pose: Vec<(f64, f64)>,
+    /// Readings that have one of its channels.
+    count: usize,
     errors: f64,
     sizes: f64,
     largest: f64,
@@ -49,22 +51,26 @@ pub fn errors(
     rules: &Rules,
 ) -> Option<Errors> {
     let (channels, kinds) = (&observations.channels, observations.kinds());
-    let none = Sums { by_pose: vec![(0.0, 0.0); observations.poses()], errors: 0.0, sizes: 0.0, largest: 0.0 };
+    let none =
+        Sums { by_pose: vec![(0.0, 0.0); observations.poses()], count: 0, errors: 0.0, sizes: 0.0, largest: 0.0 };
     let mut sums = vec![none; kinds];
     let (mut count, mut chi2, mut numbers) = (0_usize, 0.0, 0.0);
     for (n, r) in observations.readings.iter().enumerate().filter(|(n, _)| of(*n)) {
         let found = &predictions[r.condition * channels.len()..][..channels.len()];
-        let mut squares = vec![(0.0, 0.0); kinds];
+        let mut squares: Vec<Option<(f64, f64)>> = vec![None; kinds];
         for (c, channel) in channels.iter().enumerate() {
             let Some(observed) = r.observed[c] else { continue };
             let error = found[c] - observed;
-            squares[channel.kind].0 += error * error;
-            squares[channel.kind].1 += observed * observed;
+            let (of_errors, of_sizes) = squares[channel.kind].get_or_insert_default();
+            *of_errors += error * error;
+            *of_sizes += observed * observed;
             chi2 += error * error / noise.variance_of(observations, n, c);
             numbers += 1.0;
         }
         count += 1;
-        for (sums, (error, size)) in sums.iter_mut().zip(squares) {
+        for (sums, squares) in sums.iter_mut().zip(squares) {
+            let Some((error, size)) = squares else { continue };
+            sums.count += 1;
             sums.errors += error;
             sums.sizes += size;
             sums.largest = sums.largest.max(error);
@@ -79,7 +85,7 @@ pub fn errors(
     let of_kind = |mut sums: Sums| {
         sums.by_pose.retain(|p| p.1 > 0.0);
         KindErrors {
-            rms: (sums.errors / count as f64).sqrt(),
+            rms: (sums.errors / sums.count.max(1) as f64).sqrt(),
             rms_interval: interval(&sums.by_pose, rules).map(|i| i.map(f64::sqrt)),
             max: sums.largest.sqrt(),
             percent: if sums.sizes > 0.0 { 100.0 * (sums.errors / sums.sizes).sqrt() } else { 0.0 },

@@ -30,7 +30,8 @@ pub(super) fn bent_part<T: Scalar, const JOINTS: usize>(
     most: &SVector<T, JOINTS>,
     second: impl Fn(&SVector<T, JOINTS>) -> Option<SVector<T, JOINTS>>,
 ) -> Option<SVector<T, JOINTS>> {
-    if !(share < T::ONE) {
+    // of a share that rounding takes for none there is no part either
+    if !(share < T::ONE && share > T::EPSILON) {
         return None;
     }
     let half = second(way)? * T::from_f64(0.5);

@@ -35,6 +35,9 @@ impl<T: Scalar> FiveAxis<'_, T> {
         let Some(axis) = axis.filter(|_| is_finite(&near.beta_rad)) else {
             return Err(ToolError::NotFinite);
         };
+        if *iterations_left == 0 {
+            return Err(ToolError::Unreachable);
+        }
         let target = Tool { tip_m: tool.tip_m, axis };
         let mut state = State::of(near);
         if !state.is_possible() {
@@ -46,7 +49,7 @@ impl<T: Scalar> FiveAxis<'_, T> {
         }
         let (half, longest) = (T::from_f64(0.5), T::from_f64(0.5));
         let mut iterations = 1;
-        *iterations_left = iterations_left.saturating_sub(1);
+        *iterations_left -= 1;
         // a Newton step squares the error
         while !(newton.error <= T::EPSILON) {
             let [dtheta, dsigma, dl, dbeta1, dbeta2] = newton.step.into();

@@ -51,6 +51,18 @@ fn errors_are_root_mean_squares() {
     assert_eq!(errors_of(&[(0, 4.0)]).kinds[1].percent, 0.0);
 }
 
+/// Rotations that were read at every second reading err by as much as those of all of them.
+#[test]
+fn what_was_not_read_has_no_part_in_an_error() {
+    let some = |n: usize| if n % 2 == 0 { [Some(1e-3); 6] } else { [Some(1e-3), None, None, None, None, None] };
+    let file = observations((0..20).collect(), (0..20).map(|n| reading(n, n, some(n))).collect());
+    let said = [1.002e-3, 1e-3, 1e-3, 1.01e-3, 1e-3, 1e-3].repeat(20);
+    let found = validation::errors(&file, &even(1.0), &said, |_| true, RULES).unwrap();
+    assert_eq!(found.readings, 20);
+    near(1e6 * found.kinds[0].rms, 2.0, 1e-9);
+    near(1e6 * found.kinds[1].rms, 10.0, 1e-9);
+}
+
 #[test]
 fn intervals_hold_the_mean_of_all_poses() {
     // by definition: t of resampled poses, on the logarithm of the ratio of two sums; of some poses nothing was read

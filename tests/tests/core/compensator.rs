@@ -223,6 +223,22 @@ fn a_limited_tip_stays_on_its_line() {
     assert!(worst < 1e-7, "{worst:e}");
 }
 
+/// The smallest limits that settings allow are none in f32.
+#[test]
+fn a_limit_that_is_none_in_f32_leaves_no_offset() {
+    for max_screw_m in [1e-300, 1e-46, 1e-44, 1e-38, 1e-30, 1e-12] {
+        let mut limited = Compensator::<f32, 3>::new(&CompensatorSettings { max_screw_m, ..BARE }).unwrap();
+        let pose = Pose { theta_rad: 0.1_f32, sigma_rad: -0.05, z0_m: 0.53 };
+        let wrench = Wrench { force_n: Vector3::new(100.0, -50.0, -400.0), moment_nm: Vector3::new(2.0, -8.0, 5.0) };
+        for enabled in [true, true, true, false, false] {
+            let reading = Reading { enabled, wrench, rise: 0.0.into() };
+            let offset = limited.update(&Model::new(&MACHINE_F32, &TABLE_F32), &pose, TIP_M.cast(), &reading);
+            let most = offset.joints.amax();
+            assert!(f64::from(most) <= max_screw_m * (1.0 + 1e-6), "{max_screw_m:e}: {}", offset.joints);
+        }
+    }
+}
+
 /// Offsets of up to 10 mm are gone within the periods that the rate limit takes when they are taken back, wherever the tip is, but for
 /// one in a thousand, which takes a tenth more at most.
 #[test]
