@@ -19,7 +19,8 @@ impl Row {
 
 /// A cell without the spaces around it, and the quotes that came behind a space.
 fn tidy(cell: &str) -> String {
-    let cell = cell.trim();
+    // a file behind another keeps its byte order mark
+    let cell = cell.trim().trim_start_matches('\u{feff}').trim();
     let inner = cell.strip_prefix('"').and_then(|c| c.strip_suffix('"'));
     inner.unwrap_or(cell).trim().to_owned()
 }

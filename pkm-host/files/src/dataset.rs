@@ -19,7 +19,9 @@ pub const DEFLECTION_COLUMNS: [&str; 6] = ["dx_um", "dy_um", "dz_um", "rx_urad",
 /// The direction of a gauge.
 pub const GAUGE_COLUMNS: [&str; 3] = ["gauge_u", "gauge_v", "gauge_w"];
 /// Everything that may be read: the deflection, or its part along a gauge.
-pub const READ_COLUMNS: [&str; 7] = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad", "gauge_um"];
+pub const READ_COLUMNS: [&str; 7] = ["dx_um", "dy_um", "dz_um", "rx_urad", "ry_urad", "rz_urad", GAUGE_READING];
+/// What a gauge reads.
+pub const GAUGE_READING: &str = "gauge_um";
 /// Expanded uncertainties of the translation, coverage 95 %, that `predict` writes.
 pub const U95_COLUMNS: [&str; 3] = ["u95_dx_um", "u95_dy_um", "u95_dz_um"];
 /// Standard deviations of the deflection, zero error included.

@@ -3,21 +3,38 @@
 use super::names::Use;
 use super::units;
 use crate::csv::{Sheet, is_grouped};
+use crate::csv_rows::Row;
 use crate::error::Failure;
 
 /// How people and spreadsheets write that there is no value.
-const BLANKS: [&str; 11] = ["-", "--", "---", "–", "—", "−", "n/a", "n.a.", "na", "#n/a", "#nv"];
+const BLANKS: [&str; 16] =
+    ["-", "--", "---", "–", "—", "−", "n/a", "n.a.", "na", "k.a.", "null", "none", "#n/a", "#nv", "#n/v", "#n/d"];
+
+/// Instruments write 9.9e37 (SCPI) for a value that is too great for them.
+const OVERFLOWS: std::ops::RangeInclusive<f64> = 9e36..=1e38;
 
 /// How they write states of a point, in small letters.
-const STATES: [(&str, &str); 4] =
-    [("unloaded", "unloaded"), ("loaded", "loaded"), ("unbelastet", "unloaded"), ("belastet", "loaded")];
+const STATES: [(&str, &str); 8] = [
+    ("unloaded", "unloaded"),
+    ("loaded", "loaded"),
+    ("unbelastet", "unloaded"),
+    ("belastet", "loaded"),
+    ("before", "unloaded"),
+    ("after", "loaded"),
+    ("vorher", "unloaded"),
+    ("nachher", "loaded"),
+];
 
 /// How they write directions of the load, in small letters.
-const DIRECTIONS: [(&str, &str); 8] = [
+const DIRECTIONS: [(&str, &str); 12] = [
     ("load", "load"),
     ("up", "load"),
     ("loading", "load"),
     ("belastung", "load"),
+    ("auf", "load"),
+    ("charge", "load"),
+    ("ab", "unload"),
+    ("décharge", "unload"),
     ("unload", "unload"),
     ("down", "unload"),
     ("unloading", "unload"),
@@ -42,12 +59,37 @@ fn change(sheet: &mut Sheet, uses: &Uses, new: impl Fn(&Use, &str) -> Option<Str
     count
 }
 
+/// A dash for a direction where others are called `load` and none `unload`: it may say the other direction, or none.
+pub(super) fn refuse_dashes(sheet: &Sheet) -> Option<Failure> {
+    let column = sheet.header.iter().position(|name| name == "direction")?;
+    let cells = || sheet.rows.iter().map(|row| (row, row.cells[column].to_lowercase()));
+    let has = |new: &str| cells().any(|(_, cell)| DIRECTIONS.contains(&(cell.as_str(), new)));
+    let (row, cell) =
+        cells().find(|(_, cell)| ["-", "–", "−"].contains(&cell.as_str())).filter(|_| has("load") && !has("unload"))?;
+    let message =
+        format!("is `{cell}` unloading? Write unload, or leave the cell empty where the direction is not known");
+    Some(sheet.failure(row, message).at_column("direction"))
+}
+
+/// Numbers that instruments write where there is none.
+pub(super) fn refuse_overflows(sheet: &Sheet, uses: &Uses) -> Vec<Failure> {
+    let of = |row| uses.iter().enumerate().filter_map(move |(n, used)| Some((row, n, used.as_ref()?)));
+    let cells = sheet.rows.iter().flat_map(of).filter(|(_, _, used)| used.column.is_number());
+    let is_overflow = |cell: &str| cell.parse::<f64>().is_ok_and(|v| OVERFLOWS.contains(&v.abs()));
+    let failure = |(row, n, used): (&Row, usize, &Use)| {
+        let message =
+            format!("`{}` is what an instrument writes where it has no value: leave the cell empty", &row.cells[n]);
+        sheet.failure(row, message).at_column(used.column.name)
+    };
+    cells.filter(|(row, n, _)| is_overflow(&row.cells[*n])).map(failure).collect()
+}
+
 /// Brings blanks, minus signs and directions to the way of `docs/formats.md`, and says so.
 pub(super) fn tidy(sheet: &mut Sheet, uses: &Uses) -> Vec<String> {
     let is_blank = |cell: &str| BLANKS.contains(&cell.to_lowercase().as_str());
     let blanks = change(sheet, uses, |used, cell| (!used.column.is_chosen() && is_blank(cell)).then(String::new));
     let signs = change(sheet, uses, |used, cell| {
-        let rest = cell.strip_prefix('\u{2212}').filter(|_| used.column.is_number())?;
+        let rest = cell.strip_prefix(['\u{2212}', '\u{2010}', '\u{2011}']).filter(|_| used.column.is_number())?;
         Some(format!("-{rest}"))
     });
     let mut words = |column: &str, known: &[(&str, &str)]| {
@@ -88,9 +130,9 @@ pub(super) fn convert(sheet: &mut Sheet, uses: &Uses) {
 /// Numbers such as 1,234 and 1.234, of which nobody can tell whether the mark is a decimal one: in the file are decimal marks of both
 /// kinds, or none that could not stand before thousands.
 pub(super) fn refuse_ambiguous(sheet: &mut Sheet, uses: &Uses) -> Vec<Failure> {
-    // a program that writes commas between cells has points in numbers
+    // a program that writes commas between cells has points in numbers, unless it is told otherwise
     if sheet.delimiter() == b',' {
-        return Vec::new();
+        return grouped_by_points(sheet, uses);
     }
     let is_number = |cell: &str| cell.replacen(',', ".", 1).parse::<f64>().is_ok();
     let cells = || {
@@ -123,4 +165,30 @@ pub(super) fn refuse_ambiguous(sheet: &mut Sheet, uses: &Uses) -> Vec<Failure> {
         sheet.take_points();
     }
     failures
+}
+
+/// Numbers such as 1.234 beside 567 in one column, where no number of the file has a fraction: a German spreadsheet writes thousands so.
+fn grouped_by_points(sheet: &Sheet, uses: &Uses) -> Vec<Failure> {
+    let columns = || {
+        uses.iter().enumerate().filter_map(|(n, used)| Some((n, used.as_ref()?))).filter(|(_, u)| u.column.is_number())
+    };
+    let is_grouped = |cell: &str| is_grouped(cell, &['.']);
+    let has_fraction =
+        |(n, _): (usize, &Use)| sheet.rows.iter().any(|r| r.cells[n].contains('.') && !is_grouped(&r.cells[n]));
+    if columns().any(has_fraction) {
+        return Vec::new();
+    }
+    let is_whole = |cell: &str| cell.parse::<i64>().is_ok_and(|v| v != 0);
+    let is_mixed = |n: usize| sheet.rows.iter().any(|row| is_whole(&row.cells[n]));
+    let failures = columns().filter(|(n, _)| is_mixed(*n)).flat_map(|(n, used)| {
+        sheet.rows.iter().filter(move |row| is_grouped(&row.cells[n])).map(move |row| {
+            let message = format!(
+                "`{}`: thousands? No number of the file has a fraction, and others here have no point: save the file without separators \
+                 between thousands",
+                &row.cells[n]
+            );
+            sheet.failure(row, message).at_column(used.column.name)
+        })
+    });
+    failures.collect()
 }

@@ -125,6 +125,24 @@ fn none(source: &Source, text: &str, names: &Names<'_>) -> Failure {
     Failure::input(message).in_file(&source.name).at_line(line)
 }
 
+/// Why a line above the header with units is refused where columns have the program's own names, whose units are others.
+pub(super) fn units_above(found: &Found, names: &Names<'_>) -> Option<Failure> {
+    let own = names.columns.iter().find(|c| c.is_number() && found.header.names.iter().any(|name| name == c.name))?;
+    let says_units = |row: &&Row| {
+        let of = |text: &str| text.split([' ', ',', ';', '=']).filter(|part| units::is_any(part)).count();
+        let first = row.cells[0].to_lowercase();
+        let is_named = ["unit", "einheit", "unité"].iter().any(|word| first.starts_with(word));
+        let are_cells = row.cells.iter().filter(|cell| units::is_any(cell)).count() > 2;
+        are_cells || (is_named && row.cells.iter().map(of).sum::<usize>() > 0)
+    };
+    let line = found.above.iter().find(says_units)?.line;
+    let message = format!(
+        "units above the header, where {} has its own in its name: write each unit in brackets behind its name, or delete this line",
+        own.name
+    );
+    Some(Failure::input(message).at_line(line))
+}
+
 /// The units of a row below the header that has nothing but units, without brackets; `None` for a row of data.
 pub(super) fn units_of(row: &Row, header: &Header, names: &Names<'_>) -> Option<Vec<String>> {
     let cells = row.to_cells();

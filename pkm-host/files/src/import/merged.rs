@@ -1,5 +1,6 @@
 //! Merged cells of a spreadsheet: it saves what stands in them with their first row alone.
 
+use super::columns::{POINT_LIST, TIMED};
 use crate::csv::{LENGTH_COLUMNS, POSE_COLUMNS, Sheet};
 use crate::dataset::{LOAD_POINT_COLUMNS, POINT_COLUMNS, WRENCH_COLUMNS};
 use crate::error::{Failure, lines_text, printable};
@@ -8,7 +9,7 @@ use crate::error::{Failure, lines_text, printable};
 const WITH_POSE: [&str; 5] = ["series", "load", "temperature_c", "sigma_linear_um", "sigma_angular_urad"];
 
 /// What rows of means, scatters and sums below a block of readings are called: letters and digits alone.
-const MEANS_AND_SUMS: [&str; 30] = [
+const MEANS_AND_SUMS: [&str; 33] = [
     "mean",
     "meanvalue",
     "avg",
@@ -39,6 +40,9 @@ const MEANS_AND_SUMS: [&str; 30] = [
     "total",
     "summe",
     "anzahl",
+    "ergebnis",
+    "subtotal",
+    "teilergebnis",
 ];
 /// What rows of extremes are called. A pose may well be called `max`.
 const EXTREMES: [&str; 7] = ["min", "max", "minimum", "maximum", "maxmin", "range", "spannweite"];
@@ -49,18 +53,48 @@ const NAMED: [&str; 5] = [POSE_COLUMNS[0], "target", "series", "reading", "repea
 /// Those of them whose names people choose.
 const CHOSEN: [&str; 2] = [POSE_COLUMNS[0], "target"];
 
+/// Letters and digits alone, small ones.
+fn word(text: &str) -> String {
+    let is_of_word = |c: &char| !(c.is_whitespace() || c.is_ascii_punctuation());
+    text.to_lowercase().chars().filter(is_of_word).collect()
+}
+
+/// Whether a text says that it is of means and sums: `p01 Average`, `mean of 8`, and not `mean position`.
+fn is_of_means(text: &str) -> bool {
+    let is = |text: &str| MEANS_AND_SUMS.contains(&word(text).as_str());
+    let is_beside = |part: &&str| ["n", "of", "aus", "de"].contains(part) || part.bytes().all(|b| b.is_ascii_digit());
+    let lower = text.to_lowercase();
+    let mut parts = lower.split(|c: char| !c.is_alphanumeric()).filter(|part| !part.is_empty());
+    is(text)
+        || parts.clone().next_back().is_some_and(is)
+        || (parts.clone().any(is) && parts.all(|p| is(p) || is_beside(&p)))
+}
+
+/// Columns of remarks, which the program does not use, and which call some rows means and sums; where they call most so, each reading is a mean.
+fn remarks(sheet: &Sheet) -> Vec<usize> {
+    let is_known = |name: &String| TIMED.iter().chain(POINT_LIST).any(|c| c.name == *name);
+    let of_means = |n: &usize| sheet.rows.iter().filter(|row| is_of_means(&row.cells[*n])).count();
+    let is_remark =
+        |n: &usize| !is_known(&sheet.header[*n]) && (1..).contains(&of_means(n)) && 2 * of_means(n) < sheet.rows.len();
+    (0..sheet.header.len()).filter(is_remark).collect()
+}
+
 /// Refuses rows of statistics, such as means: they are no readings, and would stand for some.
 pub(crate) fn refuse_statistics(sheet: &mut Sheet) -> Vec<Failure> {
-    let named: Vec<usize> = (0..sheet.header.len()).filter(|n| NAMED.contains(&sheet.header[*n].as_str())).collect();
+    let remarks = remarks(sheet);
+    let is_named = |n: &usize| NAMED.contains(&sheet.header[*n].as_str()) || remarks.contains(n);
+    let named: Vec<usize> = (0..sheet.header.len()).filter(is_named).collect();
     let mut failures = Vec::new();
     sheet.rows.retain(|row| {
         let is_chosen = |n: usize| CHOSEN.contains(&sheet.header[n].as_str());
         let is_statistic = |n: &&usize| {
-            let is_of_word = |c: &char| !(c.is_whitespace() || c.is_ascii_punctuation());
-            let word: String = row.cells[**n].to_lowercase().chars().filter(is_of_word).collect();
-            MEANS_AND_SUMS.contains(&word.as_str())
-                || (!is_chosen(**n) && EXTREMES.contains(&word.as_str()))
-                || (sheet.header[**n] == "repeat" && SIGNS.contains(&word.as_str()))
+            let (cell, word) = (&row.cells[**n], word(&row.cells[**n]));
+            match sheet.header[**n].as_str() {
+                "series" | "reading" | "repeat" if MEANS_AND_SUMS.contains(&word.as_str()) => true,
+                "repeat" if SIGNS.contains(&word.as_str()) => true,
+                "series" | "reading" | "repeat" => EXTREMES.contains(&word.as_str()),
+                _ => is_of_means(cell),
+            }
         };
         let found = named.iter().find(is_statistic);
         failures.extend(found.map(|n| {

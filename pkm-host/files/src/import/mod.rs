@@ -21,7 +21,7 @@ use self::units::Quantity;
 pub use self::units::{FOOT_M, GRAVITY, POUND_N};
 use crate::csv::Sheet;
 use crate::csv_rows::{Header, Row, fitted, records, surplus};
-use crate::dataset::WRENCH_COLUMNS;
+use crate::dataset::{DEFLECTION_COLUMNS, GAUGE_READING, WRENCH_COLUMNS};
 use crate::error::{Failure, Result, printable};
 use crate::source::Source;
 
@@ -35,8 +35,8 @@ pub struct Imported {
     pub failures: Vec<Failure>,
     /// Lines above the header that hold something.
     above: Option<(u64, u64)>,
-    /// Columns that are not used and have a unit of a force and of a moment: the first of each.
-    unused: [Option<String>; 2],
+    /// Columns that are not used and have a unit of a force, a moment, a length and an angle: the first of each.
+    unused: [Option<String>; 4],
 }
 
 impl Imported {
@@ -54,7 +54,9 @@ impl Imported {
 /// # Errors
 /// No header, columns that are not clear, a unit that is missing or unknown, a file that holds something else.
 pub fn read(source: Source, renames: &Renames) -> Result<Imported> {
-    readings_of(source, &Names::of_readings(renames), merged::carry_down)
+    let imported = readings_of(source, &Names::of_readings(renames), merged::carry_down)?;
+    refuse_lost_deflections(&imported)?;
+    Ok(imported)
 }
 
 /// Reads measured data whose loads a log has, with the columns that join them.
@@ -62,7 +64,9 @@ pub fn read(source: Source, renames: &Renames) -> Result<Imported> {
 /// # Errors
 /// As [`read`].
 pub fn read_timed(source: Source, renames: &Renames) -> Result<Imported> {
-    readings_of(source, &Names::of_timed(renames), merged::carry_down)
+    let imported = readings_of(source, &Names::of_timed(renames), merged::carry_down)?;
+    refuse_lost_deflections(&imported)?;
+    Ok(imported)
 }
 
 /// Reads a controller's log: each row says all of itself, and an empty cell is one that was lost.
@@ -132,6 +136,10 @@ fn columns_of(source: Source, names: &Names<'_>, carried: Carried) -> Result<Imp
         rows.next();
     }
     let units = units.map(|(_, units)| units).unwrap_or_default();
+    let side_by_side = || names.side_by_side(&found.header.names).map(|failure| failure.at_line(found.header.line));
+    if let Some(failure) = header::units_above(&found, names).or_else(side_by_side) {
+        return Err(failure.in_file(&shared.name));
+    }
     let columns = Columns::of(&found.header, &units, names)
         .map_err(|failure| failure.in_file(&shared.name).at_line(found.header.line))?;
     conversions.extend(columns.conversions(&found.header));
@@ -146,7 +154,9 @@ fn columns_of(source: Source, names: &Names<'_>, carried: Carried) -> Result<Imp
     // before dashes become blanks: who writes one did not mean the row above
     let warnings = carried(&mut sheet);
     sheet.warnings.extend(warnings);
+    failures.extend(cells::refuse_dashes(&sheet));
     conversions.extend(cells::tidy(&mut sheet, &columns.uses));
+    failures.extend(cells::refuse_overflows(&sheet, &columns.uses));
     let at = format!("{}:{}", printable(&shared.name), found.header.line);
     sheet.warnings.extend(found.not_renamed.iter().map(|message| format!("{at}: {message}")));
     failures.extend(cells::refuse_ambiguous(&mut sheet, &columns.uses));
@@ -154,7 +164,7 @@ fn columns_of(source: Source, names: &Names<'_>, carried: Carried) -> Result<Imp
         conversions.push("decimal commas".into());
     }
     cells::convert(&mut sheet, &columns.uses);
-    let unused = [Quantity::Force, Quantity::Moment]
+    let unused = [Quantity::Force, Quantity::Moment, Quantity::Length, Quantity::Angle]
         .map(|q| unused_of(&found.header.names, &units, names, q).map(str::to_owned));
     let above = found.above.first().zip(found.above.last()).map(|(first, last)| (first.line, last.line));
     Ok(Imported { sheet, conversions, failures, above, unused })
@@ -249,24 +259,41 @@ fn with_advice(mut failure: Failure) -> Failure {
     failure
 }
 
-/// Forces and moments that have no column are 0, where some are there. A column of forces or moments that nobody can tell may hold them.
+/// A column of some quantity that nobody can tell may be one that is missing.
+fn refuse_unclear(imported: &Imported, unused: Option<&String>, missing: &[&str], or: &str) -> Result<()> {
+    let (Some(theirs), [column, ..]) = (unused, missing) else { return Ok(()) };
+    let message = format!(
+        "is it {column}, which has no column{or}? Say --columns {column}={theirs}, or leave the column out of the file"
+    );
+    let failure = Failure::input(message).in_file(&imported.sheet.source.name);
+    Err(failure.at_line(imported.sheet.header_line).at_column(theirs))
+}
+
+/// Refuses a file of which a column may hold a deflection that would be lost.
+fn refuse_lost_deflections(imported: &Imported) -> Result<()> {
+    let sheet = &imported.sheet;
+    // others are read from a tracker's points, or along a gauge
+    if !DEFLECTION_COLUMNS.iter().any(|c| sheet.has(c)) || sheet.has(GAUGE_READING) {
+        return Ok(());
+    }
+    for (columns, unused) in DEFLECTION_COLUMNS.chunks(3).zip(&imported.unused[2..]) {
+        let missing: Vec<&str> = columns.iter().copied().filter(|c| !sheet.has(c)).collect();
+        refuse_unclear(imported, unused.as_ref(), &missing, "")?;
+    }
+    Ok(())
+}
+
+/// Forces and moments that have no column are 0, where some are there.
 fn complete_loads(imported: &mut Imported) -> Result<()> {
-    let sheet = &mut imported.sheet;
-    let missing: Vec<&str> = WRENCH_COLUMNS.into_iter().filter(|c| !sheet.has(c)).collect();
+    let missing: Vec<&str> = WRENCH_COLUMNS.into_iter().filter(|c| !imported.sheet.has(c)).collect();
     if missing.is_empty() || missing.len() == WRENCH_COLUMNS.len() {
         return Ok(());
     }
     for (unused, of_quantity) in imported.unused.iter().zip(WRENCH_COLUMNS.chunks(3)) {
-        if let (Some(theirs), Some(column)) = (unused, missing.iter().find(|c| of_quantity.contains(c))) {
-            let message = format!(
-                "is it {column}, which has no column and would be 0? Say --columns {column}={theirs}, or leave the column out of the file"
-            );
-            return Err(Failure::input(message)
-                .in_file(&sheet.source.name)
-                .at_line(sheet.header_line)
-                .at_column(theirs));
-        }
+        let missing: Vec<&str> = missing.iter().copied().filter(|c| of_quantity.contains(c)).collect();
+        refuse_unclear(imported, unused.as_ref(), &missing, " and would be 0")?;
     }
+    let sheet = &mut imported.sheet;
     missing.iter().for_each(|column| sheet.add_column(column, "0"));
     let (file, line) = (printable(&sheet.source.name), sheet.header_line);
     sheet.warnings.push(format!("{file}:{line}: no columns {}: taken as 0", missing.join(", ")));

@@ -3,7 +3,8 @@
 use super::columns::{COLUMNS, Column, LOAD_LOG, LOGGED, POINT_LIST, TIMED};
 use super::units::Quantity::{self, Ratio, Time};
 use super::units::{self, Unit};
-use crate::error::{Failure, Result};
+use crate::dataset::READ_COLUMNS;
+use crate::error::{Failure, Result, printable};
 
 /// A column of a file that is known by its name.
 struct Named {
@@ -38,6 +39,20 @@ pub fn split_unit(cell: &str) -> (&str, Option<&str>) {
         .map(|(name, unit)| (name.trim(), unit.trim()))
         .find(|(_, unit)| units::is_any(unit))
         .map_or((cell, None), |(name, unit)| (name, Some(unit)))
+}
+
+/// Of a column whose name the user gives, also behind `_`: `Kraft_kN`. Brackets without a unit are part of the name.
+fn unit_of_renamed(cell: &str) -> Option<&str> {
+    let behind = || cell.rsplit_once('_').map(|(_, unit)| unit);
+    split_unit(cell).1.or_else(behind).filter(|unit| units::is_any(unit))
+}
+
+const SIGNS: [char; 3] = ['-', '\u{2212}', '–'];
+
+/// Whether a name stands behind a sign or before one: `-Fz [N]`, `Fz- [N]`.
+fn has_sign(cell: &str) -> bool {
+    let (name, _) = split_unit(cell);
+    name.starts_with(SIGNS) || name.ends_with(SIGNS)
 }
 
 /// The columns that a file may have, and what they are called there.
@@ -101,14 +116,31 @@ impl<'a> Names<'a> {
         })
     }
 
+    /// Why columns of repeats beside each other are refused: `dx [µm]` and `dx 2 [µm]`, `dx_um` and `dx_um.1`.
+    pub fn side_by_side(&self, header: &[String]) -> Option<Failure> {
+        let column_of = |cell: &String| {
+            let name = split_unit(cell).0.trim_end_matches(|c: char| c.is_ascii_digit() || " ._-#".contains(c));
+            let column = self.named(name).map(|named| named.column)?;
+            (!self.is_known(cell) && READ_COLUMNS.contains(&column.name)).then_some(column)
+        };
+        let (cell, column) = header.iter().find_map(|cell| Some((cell, column_of(cell)?)))?;
+        let message =
+            format!("is `{}` a repeat of {}? Each repeat needs a row of its own", printable(cell), column.name);
+        Some(Failure::input(message).at_column(cell))
+    }
+
     /// The column of numbers that a name with a sign is of: `-Fz [N]`, `Fz- [N]`.
     fn negated(&self, cell: &str) -> Option<&'static Column> {
-        const SIGNS: [char; 3] = ['-', '\u{2212}', '–'];
         let (name, _) = split_unit(cell);
         let bare = name.trim_matches(|c: char| c.is_whitespace() || SIGNS.contains(&c));
-        let has_sign = name.starts_with(SIGNS) || name.ends_with(SIGNS);
         let column = self.named(bare).map(|named| named.column)?;
-        (has_sign && column.is_number()).then_some(column)
+        (has_sign(cell) && column.is_number()).then_some(column)
+    }
+
+    /// Whether `--columns` has a cell's name with its sign.
+    fn renamed_with_sign(&self, cell: &str) -> bool {
+        let with_sign = |theirs: &str| has_sign(theirs) && plain(split_unit(theirs).0) == plain(split_unit(cell).0);
+        self.renames.0.iter().any(|(_, theirs)| with_sign(theirs))
     }
 
     /// Which columns of a header hold numbers that are used.
@@ -245,11 +277,15 @@ pub fn uses(header: &[String], units: &[String], names: &Names<'_>) -> std::resu
         let below = units.get(n).map(|u| u.trim_matches(['[', ']', '(', ')', ' '])).filter(|u| !is_blank_unit(u));
         let renamed = names.renamed(cell).map(|column| Named {
             column,
-            unit: split_unit(cell).1.map(str::to_owned),
+            unit: unit_of_renamed(cell).map(str::to_owned),
             is_in_own_unit: column.is_number(),
         });
         let is_renamed = renamed.is_some();
         let fail = |message: String| (cell.clone(), message);
+        if is_renamed && has_sign(cell) && !names.renamed_with_sign(cell) {
+            return Err(fail("a sign before a name that --columns has without: write the name there as it stands here, or remove the sign \
+                             and multiply the numbers by -1".into()));
+        }
         if !is_renamed && let Some(column) = names.negated(cell) {
             return Err(fail(format!(
                 "a sign before a name: are these numbers those of {} with the other sign? Multiply them by -1 and remove the sign, or \

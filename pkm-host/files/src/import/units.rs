@@ -82,7 +82,7 @@ const UNITS: [Unit; 34] = [
     unit(Quantity::Length, Decimal(-6), &["µm", "um", "micron", "microns", "micrometer", "micrometers"]),
     unit(Quantity::Length, Decimal(-9), &["nm"]),
     unit(Quantity::Length, Times(INCH_M), &["inch", "in", "inches"]),
-    unit(Quantity::Angle, Degrees(1.0), &["°", "deg", "degree", "degrees"]),
+    unit(Quantity::Angle, Degrees(1.0), &["°", "º", "˚", "deg", "degree", "degrees", "Grad"]),
     unit(Quantity::Angle, Degrees(1.0 / 60.0), &["arcmin"]),
     unit(Quantity::Angle, Degrees(1.0 / 3600.0), &["arcsec"]),
     unit(Quantity::Angle, Decimal(0), &["rad"]),

@@ -221,6 +221,11 @@ const READ: &[Case] = &[
     ("merged poses, German", || marked(&merged(false).german()), &[], "merged cells"),
     ("names nobody could guess", || good().called(&[("dx_um", "Kanal 7", 0), ("fx_n", "Soll", 0)]).text(',').into(), &["--columns", "dx_um=Kanal 7,fx_n=Soll"], "`Kanal 7` is dx_um"),
     ("a name of --columns for a column that has its own", || good().text(',').into(), &["--columns", "dx_um=Weg 2"], "no column `Weg 2`: dx_um is that of its own name"),
+    ("names of the user with units behind _", || good().called(&[("dx_um", "Weg_X_mm", -3), ("fx_n", "Kraft_kN", -3)]).text(',').into(), &["--columns", "dx_um=Weg_X_mm,fx_n=Kraft_kN"], "`Weg_X_mm` is dx_um, mm converted to µm|`Kraft_kN` is fx_n, kN converted to N"),
+    ("names of the user with brackets that are no unit", || good().called(&[("dx_um", "Weg 1 (X)", 0), ("dy_um", "Weg Y [LVDT1]", 0)]).text(',').into(), &["--columns", "dx_um=Weg 1 (X),dy_um=Weg Y [LVDT1]"], "`Weg 1 (X)` is dx_um"),
+    ("a byte order mark between files", || good().text(',').replace("\np02", "\n\u{feff}p02").into(), &[], ""),
+    ("loading and unloading in German", || good().map(&["direction"], |c| if c == "load" { "auf" } else { "ab" }.into()).text(',').into(), &[], "read as load and unload: 6"),
+    ("degrees that look the same", || good().called(&[("theta_deg", "theta [º]", 0), ("sigma_deg", "sigma [˚]", 0)]).text(',').into(), &[], "`theta [º]` is theta_deg"),
     ("names nobody could guess, with units", || good().called(&[("dx_um", "Weg 1 [mm]", -3), ("fx_n", "F,soll [kN]", -3)]).text(';').into(), &["--columns", "dx_um=Weg 1,fx_n=F,soll"], "`Weg 1 [mm]` is dx_um, mm converted to µm"),
 ];
 
