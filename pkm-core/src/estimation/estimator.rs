@@ -11,37 +11,36 @@ use crate::machine::Machine;
 use crate::scalar::Scalar;
 use crate::types::{Deflection, Pose, Wrench};
 
-/// So many deviations of a sum of innovations are a change: one of 1e7 healthy readings has as much by chance.
-pub const CHANGE: f64 = 5.3;
+/// Standard deviations of a sum of innovations from which on it is a change: one of 1e7 healthy readings has as much by chance.
+pub const CHANGE_SD: f64 = 5.3;
 
-/// Of χ², by the number of components: exceeded by 1e-7 of healthy readings.
-const GATE: [f64; MAX_COMPONENTS] = [28.37, 32.24, 35.41, 38.24, 40.86, 43.34];
+/// Greatest χ² of a reading, by the number of its components: exceeded by 1e-7 of healthy readings.
+const MAX_CHI_SQUARED: [f64; MAX_COMPONENTS] = [28.37, 32.24, 35.41, 38.24, 40.86, 43.34];
 /// An innovation counts in the sums as this many deviations at most.
 const MAX_COUNTED_SD: f64 = 3.0;
 /// Forgetting factor of the sums, per reading.
-const REMEMBERED: f64 = 1.0 - 1.0 / 16.0;
+const FORGETTING_FACTOR: f64 = 1.0 - 1.0 / 16.0;
 /// A reading tells something when all that was unknown at the start shows in it by this share of its variance.
-const EXCITED: f64 = 1e-4;
+const EXCITED_SHARE: f64 = 1e-4;
 /// Readings with the same numbers, from which on a probe is stuck.
-const STUCK: u8 = 5;
-/// Deviations by which a component should have moved for its same number to be one of those.
-const MOVED: f64 = 5.0;
+const MIN_STUCK_READINGS: u8 = 5;
+/// Least motion that is expected of a component, in standard deviations, for an unchanged number to count as stuck.
+const MIN_EXPECTED_MOTION_SD: f64 = 5.0;
 /// Readings from which on a change is believed: fewer may be those that a broken sensor has slipped in.
-const BELIEVED: u32 = 5;
+const MIN_READINGS_OF_CHANGE: u32 = 5;
 /// Deviations by which the tip has to go against the load to be of the wrong sign.
-const OPPOSITE: f64 = 5.0;
+const WRONG_SIGN_SD: f64 = 5.0;
 /// Of χ²: an amplitude explains a change as well as another when it explains no less by this, a thousandth of the likelihood.
-const LIKELY: f64 = 13.8;
-/// Deviations of a change that are not what the change of another has left in doubt, with 99 %, where innovations of one sign have shown that there is
-/// one.
-const OWN: f64 = 2.58;
+const MAX_CHI_SQUARED_BEHIND_BEST: f64 = 13.8;
+/// As `CHANGE_SD`, of one amplitude where a change was shown: less may be what another's change leaves uncertain (99 %).
+const MIN_CHANGE_SD: f64 = 2.58;
 /// Deviations beyond what is worth an alarm, from which on the probability of that is 0.95.
 const ALARM_SD: f64 = 1.644_853_6;
-/// Of a change since acceptance: what of it is not known, squared, in variances; see [`Estimator::targets`].
-const DOUBT: f64 = 4.0;
+/// What of a change since acceptance is not compensated, squared, in variances of its estimate; see [`Estimator::targets`].
+const WITHHELD_VARIANCES: f64 = 4.0;
 /// The share of what is worth an alarm that counts as a deviation of every change: what no reading tells of, such as stiffnesses that are
 /// not learned and are off.
-const MISFIT: f64 = 0.2;
+const MISFIT_SHARE_OF_ALARM: f64 = 0.2;
 const DAY_S: f64 = 86_400.0;
 
 /// Displacement of A, by machine and table, under a wrench there.
@@ -59,7 +58,7 @@ fn predict<T: Scalar>(
 
 /// Greatest χ² of a reading that is taken in.
 fn gate<T: Scalar>(readings: &[TipReading<T>]) -> T {
-    T::from_f64(GATE.get(readings.len().wrapping_sub(1)).copied().unwrap_or(0.0))
+    T::from_f64(MAX_CHI_SQUARED.get(readings.len().wrapping_sub(1)).copied().unwrap_or(0.0))
 }
 
 /// Readings since the one that has shown a change, with it; all where nothing came at once.
@@ -69,7 +68,7 @@ fn readings_since(readings: u32, changed_at: u32) -> u32 {
 
 /// Whether enough readings have come since a change, or since the first where nothing came at once.
 fn is_believed(readings: u32, changed_at: u32) -> bool {
-    let last = readings.saturating_sub(BELIEVED - 1);
+    let last = readings.saturating_sub(MIN_READINGS_OF_CHANGE - 1);
     last > 0 && changed_at <= last
 }
 
@@ -143,12 +142,12 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let scaled = settings.amplitudes.map(|own| {
             let in_deviations = |value: f64| T::from_f64(value / own.deviation);
             let drift = own.drift_per_day / own.deviation;
-            let misfit = MISFIT * own.alarm / own.deviation;
+            let misfit = MISFIT_SHARE_OF_ALARM * own.alarm / own.deviation;
             Scaled {
                 deviation: T::from_f64(own.deviation),
                 accepted: in_deviations(own.accepted),
                 alarm: in_deviations(own.alarm),
-                doubt: T::from_f64(DOUBT * misfit * misfit),
+                doubt: T::from_f64(WITHHELD_VARIANCES * misfit * misfit),
                 drift_per_s: T::from_f64(drift * drift / DAY_S),
                 least: in_deviations(own.least),
                 most: in_deviations(own.most),
@@ -397,11 +396,11 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let (is_same, moved) = (*last == read, expected - *due);
         if !is_same {
             *still = 0;
-        } else if moved * moved > T::from_f64(MOVED * MOVED) * noise {
+        } else if moved * moved > T::from_f64(MIN_EXPECTED_MOTION_SD * MIN_EXPECTED_MOTION_SD) * noise {
             *still = still.saturating_add(1);
         }
         (*last, *due) = (read, expected);
-        [is_same, *still >= STUCK - 1]
+        [is_same, *still >= MIN_STUCK_READINGS - 1]
     }
 
     /// Takes the components into the filter, and into the sums of innovations; gives χ². What it is refused for, the caller undoes in
@@ -413,8 +412,8 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         readings: &[TipReading<T>],
     ) -> Result<T, Refusal> {
         let [sums, variances] = self.sums;
-        let mut sums = sums.map(|sum| sum * T::from_f64(REMEMBERED));
-        let mut variances = variances.map(|variance| variance * T::from_f64(REMEMBERED * REMEMBERED));
+        let mut sums = sums.map(|sum| sum * T::from_f64(FORGETTING_FACTOR));
+        let mut variances = variances.map(|variance| variance * T::from_f64(FORGETTING_FACTOR * FORGETTING_FACTOR));
         let mut chi_squared = T::ZERO;
         let (mut excited, mut opposite, mut same, mut stuck) = (false, false, true, false);
         for (n, reading) in readings.iter().enumerate() {
@@ -426,11 +425,12 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             }
             // one component that tells something is enough: a period has no time for the sums of the others
             excited = excited
-                || weights.iter().fold(T::ZERO, |sum, weight| sum + *weight * *weight) > T::from_f64(EXCITED) * noise;
+                || weights.iter().fold(T::ZERO, |sum, weight| sum + *weight * *weight)
+                    > T::from_f64(EXCITED_SHARE) * noise;
             let [is_same, is_stuck] = self.is_still(n, *read, expected, noise);
             same &= is_same;
             stuck |= is_stuck;
-            let (due, least) = (expected + grown[0], T::from_f64(OPPOSITE * OPPOSITE) * (noise + grown[1]));
+            let (due, least) = (expected + grown[0], T::from_f64(WRONG_SIGN_SD * WRONG_SIGN_SD) * (noise + grown[1]));
             opposite |= due * *read < T::ZERO && due * due > least && *read * *read > least;
             let squared = beyond * beyond / variance;
             chi_squared += squared;
@@ -447,7 +447,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             return Err(Refusal::NotExcited);
         }
         self.equal = if same { self.equal.saturating_add(1) } else { 0 };
-        if stuck || self.equal >= STUCK - 1 {
+        if stuck || self.equal >= MIN_STUCK_READINGS - 1 {
             return Err(Refusal::Stuck);
         }
         if opposite {
@@ -501,7 +501,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     fn is_possible(&self) -> bool {
         self.filter.mean.iter().zip(&self.filter.variances()).zip(&self.scaled).all(|((mean, variance), own)| {
             let beyond = if *mean < own.least { own.least - *mean } else { *mean - own.most };
-            !(beyond > T::ZERO && beyond * beyond > T::from_f64(OWN * OWN) * *variance)
+            !(beyond > T::ZERO && beyond * beyond > T::from_f64(MIN_CHANGE_SD * MIN_CHANGE_SD) * *variance)
         })
     }
 
@@ -516,7 +516,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         }
     }
 
-    /// Lets the amplitudes be unknown again that explain innovations of one sign, if any does so by more than [`CHANGE`]; `reading` is the
+    /// Lets the amplitudes be unknown again that explain innovations of one sign, if any does so by more than [`CHANGE_SD`]; `reading` is the
     /// number of the one that shows it.
     fn open_changed(&mut self, reading: u32) -> [bool; MAX_AMPLITUDES] {
         let mut changed = [false; MAX_AMPLITUDES];
@@ -531,12 +531,12 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
                 most = *squared;
             }
         }
-        if !(most > T::from_f64(CHANGE * CHANGE)) {
+        if !(most > T::from_f64(CHANGE_SD * CHANGE_SD)) {
             return changed;
         }
         self.sums = [[T::ZERO; N]; 2];
         for (n, (changed, squared)) in changed.iter_mut().zip(&deviations).enumerate() {
-            *changed = *squared > most - T::from_f64(LIKELY);
+            *changed = *squared > most - T::from_f64(MAX_CHI_SQUARED_BEHIND_BEST);
             if !*changed {
                 continue;
             }
@@ -561,7 +561,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
             let (Some(mean), Some(variance), Some(own), Some(changed_at)) = known else { return };
             let Some(target) = self.targets.get_mut(n) else { return };
             let change = *mean - own.accepted;
-            let doubt = T::from_f64(DOUBT) * *variance + own.doubt;
+            let doubt = T::from_f64(WITHHELD_VARIANCES) * *variance + own.doubt;
             let worth = if change * change > doubt { change - doubt / change } else { T::ZERO };
             *target = if is_believed(self.readings, *changed_at) {
                 worth
@@ -593,7 +593,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
     }
 
     /// Of each amplitude its change since acceptance, where it is worth an alarm: by more than its settings say with a probability of
-    /// 0.95, and is of [`CHANGE`] standard deviations, or of 2.58 where innovations had one sign. Five readings at least say so.
+    /// 0.95, and is of [`CHANGE_SD`] standard deviations, or of 2.58 where innovations had one sign. Five readings at least say so.
     pub fn alarms(&self) -> [Option<Alarm>; N] {
         let mut alarms = [None; N];
         let each = self.values().into_iter().zip(&self.settings.amplitudes).zip(&self.changed_at);
@@ -616,7 +616,7 @@ impl<T: Scalar, const N: usize> Estimator<T, N> {
         let change = (*mean - own.accepted).abs();
         let deviation = self.filter.variance(n).sqrt();
         // innovations of one sign prove that something has changed; that it is this one, its own change
-        let is_proven = change >= T::from_f64(if *changed_at > 0 { OWN } else { CHANGE }) * deviation;
+        let is_proven = change >= T::from_f64(if *changed_at > 0 { MIN_CHANGE_SD } else { CHANGE_SD }) * deviation;
         is_proven && is_believed(self.readings, *changed_at) && change - own.alarm >= T::from_f64(ALARM_SD) * deviation
     }
 }

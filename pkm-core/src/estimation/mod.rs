@@ -22,7 +22,7 @@
 //!
 //! **Change.** The covariance grows by the drift that is allowed, up to what was unknown at the start: without readings it does
 //! not run away. What comes suddenly shows as innovations of one sign: their sum over some sixteen readings, weighted as an
-//! amplitude would weight them, is normal of variance 1 while nothing changes. Beyond [`CHANGE`] the amplitudes
+//! amplitude would weight them, is normal of variance 1 while nothing changes. Beyond [`CHANGE_SD`] the amplitudes
 //! that explain it, and those that do so nearly as well, count as unknown again, and the next readings tell them apart. Readings that are refused as unexpected count in this sum too, each as
 //! three deviations at most: one spike opens nothing, and of five of the same sign the last is taken in with what it opens, if that
 //! explains it. If not it is no change, but a broken sensor: all stays as it was, and the sum begins anew.
@@ -38,7 +38,7 @@ mod state;
 mod tip;
 
 pub use amplitude::Amplitude;
-pub use estimator::{CHANGE, Estimator};
+pub use estimator::{CHANGE_SD, Estimator};
 pub use reading::{Alarm, Learned, MAX_COMPONENTS, Refusal, TipEstimate, TipReading, Touch};
 pub use settings::{AmplitudeSettings, EstimatorSettings, EstimatorSettingsError, MAX_AMPLITUDES};
 pub use state::{Slot, StateError, newest, state_bytes};

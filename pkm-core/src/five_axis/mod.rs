@@ -13,7 +13,7 @@
 //! | dβ2 | (r − b1) w − (h − d1) c | −1 | 0 |
 //!
 //! so that dL and dβ2 drop out and a Newton step is a system of three. Its determinant, divided by cos θ to count dZ0 in
-//! place of dL, is that of all five; where it vanishes two configurations meet that hold the tool alike.
+//! place of dL, is that of all five; where it is zero two configurations that hold the same tool meet.
 
 use nalgebra::{Matrix3, Vector2, Vector3};
 

@@ -16,18 +16,18 @@ use crate::files::table_numbers::UncertaintyNumbers;
 use crate::fit::uncertainty::{Entries, Terms, entries, lower_triangle, spread_of};
 use crate::pose::{PoseBox, file_units, pose_of};
 
-/// How wide the poses are at which the errors are worked out, over the box of the readings: their growth beyond it is known too.
-const WIDTH: f64 = 1.4;
+/// Width of the grid of poses at which the errors are worked out, over the box of the readings: how they grow beyond it is known too.
+const GRID_WIDTH_RATIO: f64 = 1.4;
 /// Step of the derivatives, in standard deviations of what is estimated.
-const STEP: f64 = 0.1;
-/// What the variance of the estimates is greater by than they say, since the world has other formulas than the model that was found;
-const OTHER_FORMULAS: f64 = 1.5;
-/// so many times more for each noise variance by which the readings surely miss the model, of each unknown: what misses is no noise,
-/// and draws the estimates along;
-const OF_MISFIT: f64 = 6.0;
-/// and beyond all estimates this standard deviation of a tip's motion along each axis, as a share of what the load moves it by: two
-/// models that fit the same readings differ elsewhere.
-const OF_DEFLECTION: f64 = 0.002;
+const STEP_SD: f64 = 0.1;
+/// Factor of the estimates' variance, since the world has other formulas than the model that was found.
+const OTHER_FORMULAS_FACTOR: f64 = 1.5;
+/// What is added to this factor for each noise variance by which the readings surely miss the model, of each unknown: what misses is no
+/// noise, and draws the estimates along.
+const MISFIT_FACTOR: f64 = 6.0;
+/// Least standard deviation of a tip's motion along each axis, as a share of what the load moves it by: two models that fit the same
+/// readings differ elsewhere.
+const MIN_DEFLECTION_SHARE: f64 = 0.002;
 /// Greatest multiple of the variance that is looked for.
 const MAX_VARIANCE_RATIO: f64 = 1e6;
 /// Least deflection that an error is compared with, over the greatest under a load of its kind: by symmetry a moment may move the
@@ -71,12 +71,12 @@ pub(super) fn of_table(
     unseen: &Unseen<'_>,
 ) -> Option<UncertaintyNumbers> {
     let unknowns = fitted.identified().unknowns.len().max(1) as f64;
-    let wider = (OTHER_FORMULAS + OF_MISFIT * unseen.misfit / unknowns).sqrt();
+    let wider = (OTHER_FORMULAS_FACTOR + MISFIT_FACTOR * unseen.misfit / unknowns).sqrt();
     let estimated = Estimated::new(model, fitted.identified())?;
     let correction = fitted.residual_table();
     let of_correction = correction.parts();
     let (middle, half) = (extent.middle(), extent.half_widths());
-    let levels = || (0..LEVELS).map(|n| WIDTH * (2.0 * n as f64 / (LEVELS - 1) as f64 - 1.0));
+    let levels = || (0..LEVELS).map(|n| GRID_WIDTH_RATIO * (2.0 * n as f64 / (LEVELS - 1) as f64 - 1.0));
     let all = levels().flat_map(|t| levels().flat_map(move |s| levels().map(move |z| [t, s, z])));
     let examples = all.filter_map(|scaled| {
         let [theta, sigma, z0] = std::array::from_fn(|k| middle[k] + scaled[k] * half[k]);
@@ -92,7 +92,7 @@ pub(super) fn of_table(
     if examples.is_empty() {
         return None;
     }
-    let mut numbers = covariance(&examples, OF_DEFLECTION.hypot(model.uncertainty.load_calibration));
+    let mut numbers = covariance(&examples, MIN_DEFLECTION_SHARE.hypot(model.uncertainty.load_calibration));
     let excess = unseen.excess(&numbers, &estimated, (middle, half))?;
     numbers.spread.iter_mut().for_each(|s| *s *= excess);
     Some(numbers)
@@ -174,7 +174,7 @@ impl Estimated {
         let parts = upper.solve_upper_triangular(&DMatrix::identity(fit.x.len(), fit.x.len()))?;
         let moved = parts.column_iter().map(|part| {
             let at = |step: f64| machine((&fit.x + part * step).as_slice());
-            Some([at(-STEP)?, at(STEP)?])
+            Some([at(-STEP_SD)?, at(STEP_SD)?])
         });
         Some(Self { machine: machine(fit.x.as_slice())?, moved: moved.collect::<Option<_>>()? })
     }
@@ -191,7 +191,10 @@ impl Estimated {
             let ratio = machine.stiffness(pose).ok()?.factor().ok()?.lower().solve_lower_triangular(&own)?;
             Some(ratio.transpose() * ratio)
         };
-        self.moved.iter().map(|[back, forward]| Some((relative(forward)? - relative(back)?) / (2.0 * STEP))).collect()
+        self.moved
+            .iter()
+            .map(|[back, forward]| Some((relative(forward)? - relative(back)?) / (2.0 * STEP_SD)))
+            .collect()
     }
 }
 
