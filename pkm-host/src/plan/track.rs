@@ -107,6 +107,8 @@ impl LoadedPoint {
 pub struct Stretch {
     number: u64,
     greatest: [LoadedPoint; Error::ALL.len()],
+    /// The tool went without load before it.
+    pub is_behind_gap: bool,
 }
 
 impl Stretch {
@@ -226,6 +228,8 @@ pub struct Track {
     pub places: Vec<PathPlace>,
     /// Lines with the greatest errors, the greatest first.
     pub worst: Vec<LineErrors>,
+    /// The tool goes without load.
+    is_in_gap: bool,
     /// The line that is being gone along.
     line: Option<LineErrors>,
     /// Steps done, and of how many.
@@ -260,8 +264,12 @@ impl Track {
                     }
                 }
             }
-            None => self.stretches.push(Stretch { number, greatest: [point; Error::ALL.len()] }),
+            None => {
+                let is_behind_gap = self.is_in_gap;
+                self.stretches.push(Stretch { number, greatest: [point; Error::ALL.len()], is_behind_gap });
+            }
         }
+        self.is_in_gap = false;
         match self.line.as_mut().filter(|line| line.worst.line == point.line) {
             Some(line) => {
                 line.after_m = line.after_m.max(point.after_m);
@@ -292,6 +300,7 @@ impl Track {
         let [done, all] = self.steps;
         self.steps[0] += 1;
         let Some(place) = place else { return };
+        self.is_in_gap |= place.before_m.is_none();
         // corners too, as long as there are not too many
         let every = all.div_ceil(PLACES);
         if done.is_multiple_of(every)

@@ -18,10 +18,17 @@ const MAX_AT_MIDPOINTS: f64 = 0.1;
 /// What may be left of the axis' error, as a share of what the load does.
 const MAX_AXIS_LEFT: f64 = 0.5;
 
-/// Of each stretch of the path the greatest value in µm over the way in mm.
+/// Of each stretch of the path the greatest value in µm over the way in mm; 0 where there is no load.
 fn along(track: &Track, name: &str, error: Error) -> Series {
-    let points = track.stretches.iter().map(|stretch| stretch.greatest(error));
-    let points = points.map(|p| (p.path_length_m * 1e3, p.error_m(error) * 1e6)).collect();
+    let mut points: Vec<(f64, f64)> = Vec::new();
+    for stretch in &track.stretches {
+        let point = stretch.greatest(error);
+        let way_mm = point.path_length_m * 1e3;
+        if let Some((last_mm, _)) = points.last().copied().filter(|_| stretch.is_behind_gap) {
+            points.extend([(last_mm, 0.0), (way_mm, 0.0)]);
+        }
+        points.push((way_mm, point.error_m(error) * 1e6));
+    }
     Series { name: name.to_owned(), points, mark: Mark::Line }
 }
 

@@ -509,3 +509,23 @@ fn a_cut_without_load_begins_where_it_is_programmed() {
     let side = lines.iter().position(|l| l == "X-205 Y0 Z1135 A0 B0").unwrap();
     assert!(word(&lines[side - 1], 'Z').unwrap() > 1135.01, "{lines:#?}");
 }
+
+/// Between two cuts the tool goes 20 mm without load, over which the chart of errors had the load's 28 µm.
+#[test]
+fn the_chart_of_errors_is_zero_where_there_is_no_load() {
+    let cut = "(wrench 0,-300,-60,0,0,0)\nG1 X-203 F100\n(wrench 0,0,0,0,0,0)\nX-193\nX-203\n";
+    let folder = Folder::new();
+    let path = folder.write("p.ngc", &format!("{START}{cut}(wrench 0,-300,-60,0,0,0)\nX-205\nM2\n"));
+    json(&["compensate", "--path", &path, "--out", &folder.path("out.ngc")]);
+    let picture = folder.read("out.svg");
+    let (_, series) = picture.split_once("data-name=\"uncompensated\"").unwrap();
+    let line = series.split_once(" d=\"M").unwrap().1.split_once('"').unwrap().0;
+    let points: Vec<(f64, f64)> = line
+        .split('L')
+        .map(|point| point.split_once(',').map(|(x, y)| (x.parse().unwrap(), y.parse().unwrap())).unwrap())
+        .collect();
+    let zero = points.iter().map(|p| p.1).fold(0.0, f64::max);
+    let at_zero: Vec<bool> = points.iter().map(|p| p.1 == zero).collect();
+    assert_eq!(at_zero, [false, false, true, true, false, false], "{line}");
+    assert!(points[1].0 == points[2].0 && points[3].0 == points[4].0 && points[3].0 - points[2].0 > 100.0, "{line}");
+}
