@@ -139,7 +139,7 @@ mod tests {
     /// Of two channels the second is read in every tenth reading of a group; there it is off by 3 deviations in one group of two.
     #[test]
     fn a_channel_that_is_seldom_read_shows_its_structure() {
-        let is_read = |n: usize| n % 10 == 0;
+        let is_read = |n: usize| n.is_multiple_of(10);
         let group = |n: usize| (n as i64 / 50, 0);
         let reading = |n: usize| Reading {
             condition: n,

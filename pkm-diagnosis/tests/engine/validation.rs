@@ -54,7 +54,8 @@ fn errors_are_root_mean_squares() {
 /// Rotations that were read at every second reading err by as much as those of all of them.
 #[test]
 fn what_was_not_read_has_no_part_in_an_error() {
-    let some = |n: usize| if n % 2 == 0 { [Some(1e-3); 6] } else { [Some(1e-3), None, None, None, None, None] };
+    let some =
+        |n: usize| if n.is_multiple_of(2) { [Some(1e-3); 6] } else { [Some(1e-3), None, None, None, None, None] };
     let file = observations((0..20).collect(), (0..20).map(|n| reading(n, n, some(n))).collect());
     let said = [1.002e-3, 1e-3, 1e-3, 1.01e-3, 1e-3, 1e-3].repeat(20);
     let found = validation::errors(&file, &even(1.0), &said, |_| true, RULES).unwrap();

@@ -137,6 +137,23 @@ impl<'a> Names<'a> {
         (has_sign(cell) && column.is_number()).then_some(column)
     }
 
+    /// Why a name with a sign is refused, of a column that `--columns` names or of another.
+    fn sign_in_doubt(&self, cell: &str, is_renamed: bool) -> Option<String> {
+        if is_renamed {
+            let is_in_doubt = has_sign(cell) && !self.renamed_with_sign(cell);
+            return is_in_doubt.then(|| {
+                "a sign before a name that --columns has without: write the name there as it stands here, or remove the sign and multiply the \
+                 numbers by -1"
+                    .to_owned()
+            });
+        }
+        let name = self.negated(cell)?.name;
+        Some(format!(
+            "a sign before a name: are these numbers those of {name} with the other sign? Multiply them by -1 and remove the sign, or say \
+             --columns {name}={cell} where they are not"
+        ))
+    }
+
     /// Whether `--columns` has a cell's name with its sign.
     fn renamed_with_sign(&self, cell: &str) -> bool {
         let with_sign = |theirs: &str| has_sign(theirs) && plain(split_unit(theirs).0) == plain(split_unit(cell).0);
@@ -282,16 +299,8 @@ pub fn uses(header: &[String], units: &[String], names: &Names<'_>) -> std::resu
         });
         let is_renamed = renamed.is_some();
         let fail = |message: String| (cell.clone(), message);
-        if is_renamed && has_sign(cell) && !names.renamed_with_sign(cell) {
-            return Err(fail("a sign before a name that --columns has without: write the name there as it stands here, or remove the sign \
-                             and multiply the numbers by -1".into()));
-        }
-        if !is_renamed && let Some(column) = names.negated(cell) {
-            return Err(fail(format!(
-                "a sign before a name: are these numbers those of {} with the other sign? Multiply them by -1 and remove the sign, or \
-                 say --columns {}={cell} where they are not",
-                column.name, column.name
-            )));
+        if let Some(message) = names.sign_in_doubt(cell, is_renamed) {
+            return Err(fail(message));
         }
         // the program's own name goes before another name of the same
         let is_other = |n: &Named| cell != n.column.name && header.iter().any(|h| h == n.column.name);
