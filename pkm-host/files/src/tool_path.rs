@@ -64,11 +64,11 @@ fn compensated_already(name: &str, line: u64) -> Failure {
     Failure::input("this path is compensated already: give the one that it was made from").in_file(name).at_line(line)
 }
 
-/// Refuses a program with the [mark](MARK), however a control has changed its case, its line numbers or its comments' brackets.
-pub(crate) fn refuse_compensated(program: &Source) -> Result<()> {
+/// Refuses a path with the [mark](MARK), however a control has changed its case, its line numbers or its comments' brackets.
+pub(crate) fn refuse_compensated(path: &Source) -> Result<()> {
     let mark = format!("{MARK}:");
-    let marked = program.text()?.lines().position(|l| l.to_ascii_lowercase().contains(&mark));
-    marked.map_or(Ok(()), |line| Err(compensated_already(&program.name, line as u64 + 1)))
+    let marked = path.text()?.lines().position(|l| l.to_ascii_lowercase().contains(&mark));
+    marked.map_or(Ok(()), |line| Err(compensated_already(&path.name, line as u64 + 1)))
 }
 
 /// Whether a program's line is ASCII but for its comments.
@@ -95,8 +95,8 @@ impl ToolPath {
         let is_program = kind_of(path)?;
         let given = Source::read(path)?;
         let (source, encoding) = if is_program { decoded(&given)? } else { (given.clone(), None) };
+        refuse_compensated(&source)?;
         if is_program {
-            refuse_compensated(&source)?;
             let wrench = wrench.map(|w| Wrench::from_vector(w.into()));
             let mut program = match rs274 {
                 Some(rs274) => Program::parse_by(rs274, &source, folder_of(path), wrench, setup)?,

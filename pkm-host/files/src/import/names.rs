@@ -41,10 +41,15 @@ pub fn split_unit(cell: &str) -> (&str, Option<&str>) {
         .map_or((cell, None), |(name, unit)| (name, Some(unit)))
 }
 
-/// Of a column whose name the user gives, also behind `_`: `Kraft_kN`. Brackets without a unit are part of the name.
+/// Of a column whose name the user gives, also behind `_`: `Kraft_kN`. What brackets hold is part of the name where it is an axis or the name
+/// of a channel: `Weg (X)`, `Weg [LVDT1]`.
 fn unit_of_renamed(cell: &str) -> Option<&str> {
-    let behind = || cell.rsplit_once('_').map(|(_, unit)| unit);
-    split_unit(cell).1.or_else(behind).filter(|unit| units::is_any(unit))
+    let is_channel = |text: &str| {
+        let is_name = text.starts_with(char::is_alphabetic) && text.ends_with(|c: char| c.is_ascii_digit());
+        ["x", "y", "z"].contains(&text.to_lowercase().as_str()) || (is_name && text.chars().all(char::is_alphanumeric))
+    };
+    let behind = || cell.rsplit_once('_').map(|(_, unit)| unit).filter(|unit| units::is_any(unit));
+    split_unit(cell).1.filter(|text| units::is_any(text) || !is_channel(text)).or_else(behind)
 }
 
 const SIGNS: [char; 3] = ['-', '\u{2212}', '–'];
@@ -124,8 +129,11 @@ impl<'a> Names<'a> {
             (!self.is_known(cell) && READ_COLUMNS.contains(&column.name)).then_some(column)
         };
         let (cell, column) = header.iter().find_map(|cell| Some((cell, column_of(cell)?)))?;
-        let message =
-            format!("is `{}` a repeat of {}? Each repeat needs a row of its own", printable(cell), column.name);
+        let message = format!(
+            "is `{}` a repeat of {}? Each repeat needs a row of its own; the only one of a row is named by --columns",
+            printable(cell),
+            column.name
+        );
         Some(Failure::input(message).at_column(cell))
     }
 

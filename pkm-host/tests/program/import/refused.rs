@@ -63,6 +63,7 @@ const REFUSED: &[Case] = &[
     ("a row of units above the program's own names", || format!(";°;°;mm;N;N;N\n{}", good().text(';')).into(), &[], ":1: ", "units above the header"),
     ("an instrument's overflow", || text(good().put(3, "dy_um", "9.90E+37")), &[], ":5: dy_um: ", "leave the cell empty"),
     ("a dash for the other direction", || text(good().put(2, "direction", "-")), &[], ":4: direction: ", "is `-` unloading?"),
+    ("an unknown unit of a name of the user", || text(good().called(&[("dx_um", "Weg 1 [mil]", 0)])), &["--columns", "dx_um=Weg 1 [mil]"], ":1: Weg 1 [mil]: ", "unknown unit `mil` of dx_um"),
     ("a sign that --columns leaves out", || text(good().called(&[("fz_n", "-Druck [N]", 0)])), &["--columns", "fz_n=Druck"], ":1: -Druck [N]: ", "a sign before a name"),
     ("a mean behind a pose's name", || text(good().put(2, "pose", "p01 Average")), &[], ":4: pose: ", "`p01 Average` is no reading"),
     ("a mean of so many", || text(good().put(2, "pose", "Mean (n=8)")), &[], ":4: pose: ", "is no reading"),
