@@ -177,9 +177,25 @@ pub(crate) fn clipped(text: &str) -> String {
 
 /// What to do about a cell that looks like a number and is none.
 pub(crate) fn advice(cell: &str) -> &'static str {
+    const MONTHS: [&str; 13] =
+        ["jan", "feb", "mar", "mär", "apr", "may", "mai", "jun", "jul", "aug", "sep", "okt", "oct"];
+    let lower = cell.to_lowercase();
     let begins_with_number = cell.trim_start_matches(['-', '+', '.']).starts_with(|c: char| c.is_ascii_digit());
+    let is_number_without =
+        |marks: &[char]| cell.contains(marks) && cell.replace(marks, "").parse::<f64>().is_ok_and(f64::is_finite);
     if cell.starts_with(['\u{2212}', '\u{2013}', '\u{2014}']) {
         ": write the minus as -"
+    } else if lower.contains('d') && lower.replacen('d', "e", 1).parse::<f64>().is_ok() {
+        ": write the exponent with E"
+    } else if is_number_without(&['\'', '=', '"']) {
+        ": a spreadsheet's text; save the numbers as numbers"
+    } else if is_number_without(&['(', ')'])
+        || is_number_without(&[' '])
+        || cell.ends_with('-') && is_number_without(&['-'])
+    {
+        ": write a minus in front of the digits, and no space or bracket"
+    } else if begins_with_number && MONTHS.iter().any(|month| lower.contains(month)) {
+        ": the spreadsheet has made a date of a number; make the column numbers or text and save it again"
     } else if begins_with_number && cell.contains(',') && !cell.contains('.') {
         ": write a decimal point, or semicolons between cells"
     } else if begins_with_number && cell.ends_with(|c: char| c.is_alphabetic() || "°%'\"".contains(c)) {

@@ -243,11 +243,14 @@ fn covariance(sheet: &Sheet, row: &Row) -> Result<Option<Covariance>> {
 /// Refuses a cell that is neither empty nor a number that its column may have.
 fn optional_number(sheet: &Sheet, row: &Row, column: &str) -> Result<()> {
     // a blank cell is a channel that was not measured
-    if sheet.cell(row, column)?.is_empty() {
+    let cell = sheet.cell(row, column)?;
+    if cell.is_empty() {
         return Ok(());
     }
     let value = sheet.number(row, column).map_err(|mut failure| {
-        failure.message.push_str(" (leave the cell empty where nothing was measured)");
+        if !cell.contains(|c: char| c.is_ascii_digit()) {
+            failure.message.push_str(" (leave the cell empty where nothing was measured)");
+        }
         failure
     })?;
     let wrong = if column.starts_with("sigma_") && value < 0.0 {
