@@ -71,17 +71,28 @@ pub(super) fn refuse_dashes(sheet: &Sheet) -> Option<Failure> {
     Some(sheet.failure(row, message).at_column("direction"))
 }
 
+/// The used columns of numbers: their place, and how they are read.
+fn number_columns(uses: &Uses) -> impl Iterator<Item = (usize, &Use)> {
+    uses.iter()
+        .enumerate()
+        .filter_map(|(n, used)| Some((n, used.as_ref()?)))
+        .filter(|(_, used)| used.column.is_number())
+}
+
+/// Their cells, row by row.
+fn number_cells<'a>(sheet: &'a Sheet, uses: &'a Uses) -> impl Iterator<Item = (&'a Row, usize, &'a Use)> {
+    sheet.rows.iter().flat_map(move |row| number_columns(uses).map(move |(n, used)| (row, n, used)))
+}
+
 /// Numbers that instruments write where there is none.
 pub(super) fn refuse_overflows(sheet: &Sheet, uses: &Uses) -> Vec<Failure> {
-    let of = |row| uses.iter().enumerate().filter_map(move |(n, used)| Some((row, n, used.as_ref()?)));
-    let cells = sheet.rows.iter().flat_map(of).filter(|(_, _, used)| used.column.is_number());
     let is_overflow = |cell: &str| cell.parse::<f64>().is_ok_and(|v| OVERFLOWS.contains(&v.abs()));
     let failure = |(row, n, used): (&Row, usize, &Use)| {
         let message =
             format!("`{}` is what an instrument writes where it has no value: leave the cell empty", &row.cells[n]);
         sheet.failure(row, message).at_column(used.column.name)
     };
-    cells.filter(|(row, n, _)| is_overflow(&row.cells[*n])).map(failure).collect()
+    number_cells(sheet, uses).filter(|(row, n, _)| is_overflow(&row.cells[*n])).map(failure).collect()
 }
 
 /// Brings blanks, minus signs and directions to the way of `docs/formats.md`, and says so.
@@ -135,10 +146,7 @@ pub(super) fn refuse_ambiguous(sheet: &mut Sheet, uses: &Uses) -> Vec<Failure> {
         return grouped_by_points(sheet, uses);
     }
     let is_number = |cell: &str| cell.replacen(',', ".", 1).parse::<f64>().is_ok();
-    let cells = || {
-        let of = |row| (uses.iter().enumerate()).filter_map(move |(n, used)| Some((row, n, used.as_ref()?)));
-        sheet.rows.iter().flat_map(of).filter(|(_, _, used)| used.column.is_number())
-    };
+    let cells = || number_cells(sheet, uses);
     let has = |mark: char| {
         let is_fraction = |cell: &str| cell.contains(mark) && is_number(cell) && !is_grouped(cell, &[mark]);
         cells().any(|(row, n, _)| is_fraction(&row.cells[n]))
@@ -169,9 +177,7 @@ pub(super) fn refuse_ambiguous(sheet: &mut Sheet, uses: &Uses) -> Vec<Failure> {
 
 /// Numbers such as 1.234 beside 567 in one column, where no number of the file has a fraction: a German spreadsheet writes thousands so.
 fn grouped_by_points(sheet: &Sheet, uses: &Uses) -> Vec<Failure> {
-    let columns = || {
-        uses.iter().enumerate().filter_map(|(n, used)| Some((n, used.as_ref()?))).filter(|(_, u)| u.column.is_number())
-    };
+    let columns = || number_columns(uses);
     let is_grouped = |cell: &str| is_grouped(cell, &['.']);
     let has_fraction =
         |(n, _): (usize, &Use)| sheet.rows.iter().any(|r| r.cells[n].contains('.') && !is_grouped(&r.cells[n]));
